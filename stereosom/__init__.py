@@ -1,0 +1,1 @@
+"""Two views of a thin flexible device in, its 3D backbone out."""

@@ -1,0 +1,280 @@
+"""`Backbone`: a curve in space by arc length, and the fits that make one of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import BSpline, PchipInterpolator, make_interp_spline, make_lsq_spline
+
+from .arrays import Floats, check_array
+
+# Nodes and weights on [-1, 1]; ten points integrate the speed of a smooth span to 1e-12.
+_GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(10)
+_SPANS_AT_LEAST = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Backbone:
+    """A smooth curve in space, called by arc length from base (0) to tip (`length`).
+
+    It holds a B-spline of any parameter; arc length, curvature and torsion are computed
+    from it, so every fit (polynomial, spline, interpolation) is the same type.
+
+    Parameters
+    ----------
+    knots : (m + degree + 1,) array
+        Knots of the spline, not decreasing.
+    coefficients : (m, 3) array
+        Control points, mm.
+    degree : int
+
+    Raises
+    ------
+    ValueError
+        Where the arrays do not belong together, are not finite, or the curve has no length.
+
+    Examples
+    --------
+    >>> line = Backbone.through([[0, 0, 0], [3, 4, 0]])
+    >>> round(line.length, 9), line(2.5).round(9)
+    (5.0, array([1.5, 2. , 0. ]))
+    """
+
+    knots: Floats
+    coefficients: Floats
+    degree: int
+
+    def __post_init__(self) -> None:
+        coefficients = check_array(self.coefficients, "coefficients", (None, 3))
+        if self.degree < 1 or len(coefficients) <= self.degree:
+            raise ValueError(
+                f"backbone: {len(coefficients)} control points cannot carry degree {self.degree}"
+            )
+        knots = check_array(self.knots, "knots", (len(coefficients) + self.degree + 1,))
+        if np.any(np.diff(knots) < 0) or knots[self.degree] >= knots[-self.degree - 1]:
+            raise ValueError("backbone: the knots must not decrease and must span something")
+        object.__setattr__(self, "coefficients", coefficients)
+        object.__setattr__(self, "knots", knots)
+        if not self.length > 0:
+            raise ValueError("backbone: the curve has no length")
+
+    # ---- ways to make one ------------------------------------------------------------
+
+    @classmethod
+    def through(cls, points: Any) -> Backbone:
+        """Interpolate (n, 3) points, base to tip, by a cubic spline over chord length.
+
+        Points that repeat their predecessor are passed over.
+
+        Raises
+        ------
+        ValueError
+            Where fewer than two different points are given.
+        """
+        points = check_array(points, "points", (None, 3))
+        points, chord = _by_chord_length(points)
+        spline = make_interp_spline(chord, points, k=min(3, len(points) - 1))
+        return cls(spline.t, spline.c, int(spline.k))
+
+    @classmethod
+    def fit_polynomial(cls, points: Any, degree: int = 6) -> Backbone:
+        """Least-squares polynomial over chord length (the paper's parametric curve).
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            Ordered from base to tip, mm.
+        degree : int
+            Lowered where there are too few points for it.
+        """
+        return cls.fit_spline(points, segments=1, degree=degree)
+
+    @classmethod
+    def fit_spline(cls, points: Any, segments: int, degree: int = 3) -> Backbone:
+        """Least-squares B-spline over chord length with equal knot spans.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            Ordered from base to tip, mm.
+        segments : int
+            Polynomial pieces; lowered where there are too few points for them.
+        degree : int
+            Of each piece; lowered where there are too few points for it.
+        """
+        if segments < 1 or degree < 1:
+            raise ValueError("fit: segments and degree must be at least 1")
+        points = check_array(points, "points", (None, 3))
+        points, chord = _by_chord_length(points)
+        degree = min(degree, len(points) - 1)
+        segments = max(1, min(segments, len(points) - degree))
+        # Inner knots at quantiles of the data keep points in every span.
+        inner = np.quantile(chord, np.linspace(0, 1, segments + 1)[1:-1])
+        knots = np.concatenate([np.zeros(degree + 1), inner, np.ones(degree + 1)])
+        spline = make_lsq_spline(chord, points, knots, k=degree)
+        return cls(spline.t, spline.c, degree)
+
+    def reversed(self) -> Backbone:
+        """The same curve from tip to base."""
+        return Backbone(-self.knots[::-1], self.coefficients[::-1], self.degree)
+
+    def transformed(self, rotation: Any, translation: Any) -> Backbone:
+        """The curve after x → R x + t; `rotation` (3, 3), `translation` (3,) in mm."""
+        turned = self.coefficients @ np.asarray(rotation, dtype=float).T
+        return Backbone(self.knots, turned + np.asarray(translation, dtype=float), self.degree)
+
+    # ---- arc length ------------------------------------------------------------------
+
+    @property
+    def length(self) -> float:
+        """Arc length from base to tip, mm."""
+        return float(self._table[1][-1])
+
+    def arc_lengths(self, count: int) -> Floats:
+        """`count` equally spaced arc lengths from 0 to `length`, mm."""
+        return np.linspace(0.0, self.length, count)
+
+    def __call__(self, s: Any) -> Floats:
+        """Points at arc lengths `s` (mm): (n, 3), or (3,) for one number.
+
+        Raises
+        ------
+        ValueError
+            Where `s` lies outside the curve.
+        """
+        return np.asarray(self._spline(self._parameter(s)))
+
+    def sample(self, count: int) -> Floats:
+        """`count` points at equal steps of arc length, (count, 3), mm."""
+        return self(self.arc_lengths(count))
+
+    @property
+    def base(self) -> Floats:
+        """The proximal end, (3,), mm."""
+        return self(0.0)
+
+    @property
+    def tip(self) -> Floats:
+        """The distal end, (3,), mm."""
+        return self(self.length)
+
+    # ---- differential geometry -------------------------------------------------------
+
+    def tangent(self, s: Any) -> Floats:
+        """Unit tangents towards the tip, (n, 3) or (3,)."""
+        velocity = self._derivative(s, 1)
+        return np.asarray(velocity / np.linalg.norm(velocity, axis=-1, keepdims=True))
+
+    def curvature(self, s: Any) -> Floats:
+        """Curvature, 1/mm: |r′ × r″| / |r′|³."""
+        first, second = self._derivative(s, 1), self._derivative(s, 2)
+        bend = np.linalg.norm(np.cross(first, second), axis=-1)
+        return np.asarray(bend / np.linalg.norm(first, axis=-1) ** 3)
+
+    def torsion(self, s: Any) -> Floats:
+        """Torsion, 1/mm: r′·(r″ × r‴) / |r′ × r″|²; zero where the curve is straight."""
+        first, second, third = (self._derivative(s, order) for order in (1, 2, 3))
+        binormal = np.cross(first, second)
+        strength = np.sum(binormal**2, axis=-1)
+        twist = np.sum(binormal * third, axis=-1)
+        # Below a radius of a kilometre the curve is straight, and its torsion undefined.
+        bent = strength > (1e-6 * np.linalg.norm(first, axis=-1) ** 3) ** 2
+        return np.asarray(np.where(bent, twist / np.where(bent, strength, 1.0), 0.0))
+
+    def frames(self, s: Any) -> Floats:
+        """Rotation-minimizing (parallel transport) frames, (n, 3, 3).
+
+        Rows are the tangent and two normals; the first normal at the base is arbitrary, and
+        the others turn no more than the curve does. Double reflection method: W. Wang,
+        B. Jüttler, D. Zheng, Y. Liu, ACM Transactions on Graphics 27(1), 2008.
+
+        Parameters
+        ----------
+        s : (n,) array
+            Arc lengths, mm, not decreasing.
+        """
+        s = np.atleast_1d(np.asarray(s, dtype=float))
+        # The method's error falls with the fourth power of the step: take fine ones.
+        fine = np.unique(np.concatenate([self.arc_lengths(400), s]))
+        points, tangents = self(fine), self.tangent(fine)
+        normals = np.empty_like(tangents)
+        seed = np.eye(3)[np.argmin(np.abs(tangents[0]))]
+        normal = np.cross(tangents[0], seed)
+        normals[0] = normal / np.linalg.norm(normal)
+        for i in range(len(fine) - 1):
+            chord = points[i + 1] - points[i]
+            reflected = normals[i] - 2 * (chord @ normals[i]) / (chord @ chord) * chord
+            tangent = tangents[i] - 2 * (chord @ tangents[i]) / (chord @ chord) * chord
+            turn = tangents[i + 1] - tangent
+            scale = turn @ turn
+            if scale > 1e-24:
+                reflected = reflected - 2 * (turn @ reflected) / scale * turn
+            normals[i + 1] = reflected
+        at = np.searchsorted(fine, s)
+        return np.stack([tangents[at], normals[at], np.cross(tangents[at], normals[at])], axis=1)
+
+    # ---- how arc length is found -----------------------------------------------------
+
+    @cached_property
+    def _spline(self) -> BSpline[np.float64]:
+        return BSpline(self.knots, self.coefficients, self.degree, extrapolate=False)
+
+    @cached_property
+    def _table(self) -> tuple[Floats, Floats]:
+        """Spline parameters, and the arc length at each: a fine table, exact at its nodes."""
+        start, stop = self.knots[self.degree], self.knots[-self.degree - 1]
+        spans = np.unique(self.knots[(self.knots >= start) & (self.knots <= stop)])
+        pieces = -(-_SPANS_AT_LEAST // (len(spans) - 1)) + 1
+        inner = np.linspace(spans[:-1], spans[1:], pieces, endpoint=False).T.ravel()
+        parameter = np.append(inner, spans[-1])
+        steps = self._length_between(parameter[:-1], parameter[1:])
+        return parameter, np.concatenate([[0.0], np.cumsum(steps)])
+
+    @cached_property
+    def _parameter_guess(self) -> PchipInterpolator:
+        parameter, arc_length = self._table
+        return PchipInterpolator(arc_length, parameter)
+
+    def _length_between(self, start: Floats, stop: Floats) -> Floats:
+        half, middle = (stop - start) / 2, (stop + start) / 2
+        nodes = middle[:, None] + half[:, None] * _GAUSS_NODES
+        velocity = self._spline(nodes.ravel(), nu=1).reshape(*nodes.shape, 3)
+        return np.asarray(half * (np.linalg.norm(velocity, axis=-1) @ _GAUSS_WEIGHTS))
+
+    def _parameter(self, s: Any) -> Floats:
+        """Spline parameters at arc lengths, by Newton steps from the table."""
+        s = np.asarray(s, dtype=float)
+        slack = 1e-9 * self.length
+        if np.any((s < -slack) | (s > self.length + slack)) or not np.isfinite(s).all():
+            raise ValueError(f"arc length: must lie between 0 and {self.length:g} mm")
+        nodes, arc_length = self._table
+        wanted = np.clip(np.atleast_1d(s), 0.0, self.length)
+        span = np.clip(np.searchsorted(arc_length, wanted, side="right") - 1, 0, len(nodes) - 2)
+        parameter = np.asarray(self._parameter_guess(wanted))
+        for _ in range(3):
+            reached = arc_length[span] + self._length_between(nodes[span], parameter)
+            speed = np.linalg.norm(self._spline(parameter, nu=1), axis=1)
+            # A speed near zero (a cusp) must not throw the step out of its span.
+            parameter = parameter + (wanted - reached) / np.maximum(speed, 1e-9 * self.length)
+            parameter = np.clip(parameter, nodes[span], nodes[span + 1])
+        return parameter.reshape(s.shape)
+
+    def _derivative(self, s: Any, order: int) -> Floats:
+        parameter = self._parameter(s)
+        if order > self.degree:
+            return np.zeros((*parameter.shape, 3))
+        return np.asarray(self._spline(parameter, nu=order))
+
+
+def _by_chord_length(points: Floats) -> tuple[Floats, Floats]:
+    """Points without repeats, and the parameter from 0 to 1 that grows with their distance."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    fresh = np.concatenate([[True], steps > 1e-12 * max(float(steps.sum()), 1e-300)])
+    points = points[fresh]
+    if len(points) < 2:
+        raise ValueError("points: a curve needs at least two different points")
+    chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return points, chord / chord[-1]

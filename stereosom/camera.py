@@ -1,0 +1,312 @@
+"""Where the two views stand: `Camera`, `StereoRig`, triangulation, epipolar geometry.
+
+World points are in mm. Pixels are points (x right, y down); the centre of the top-left
+pixel is (0, 0). Formulas: R. Hartley, A. Zisserman, "Multiple View Geometry in Computer
+Vision", 2nd edition, chapters 6 (camera), 9 (epipolar geometry), 12 (triangulation).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from .arrays import Floats, check_array, check_image_size
+
+Frame = Literal["patient_lps", "isocenter_lps", "camera_a", "world"]
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A central projection, world mm to pixels.
+
+    Parameters
+    ----------
+    projection : (3, 4) array
+        Homogeneous projection matrix. It is scaled so that its third row gives the depth
+        in mm; its sign is kept, and says which side is in front. A mirroring matrix
+        (an X-ray detector seen from behind) is as good as any other.
+    image_size : (int, int)
+        Width and height of the picture in pixels.
+
+    Raises
+    ------
+    ValueError
+        Where the matrix is not 3×4, not finite, or projects no space onto no plane.
+
+    Examples
+    --------
+    A camera with a focal length of 1000 px looks along z from 500 mm before the origin:
+
+    >>> camera = Camera([[1000, 0, 320, 160000], [0, 1000, 240, 120000], [0, 0, 1, 500]], (640, 480))
+    >>> camera.project([[0, 0, 0], [10, 0, 0]])
+    array([[320., 240.],
+           [340., 240.]])
+    """  # noqa: E501
+
+    projection: Floats
+    image_size: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        projection = check_array(self.projection, "projection", (3, 4))
+        rows = projection[:, :3]
+        norms = np.linalg.norm(rows, axis=1)
+        if np.any(norms == 0) or abs(np.linalg.det(rows / norms[:, None])) < 1e-9:
+            raise ValueError(
+                "projection: its left 3×3 part is singular, so it is no central projection; "
+                "give K [R | t] with a finite camera centre"
+            )
+        projection = projection / norms[2]
+        projection.setflags(write=False)
+        object.__setattr__(self, "projection", projection)
+        object.__setattr__(self, "image_size", check_image_size(self.image_size))
+
+    @classmethod
+    def from_pose(
+        cls, intrinsics: Any, rotation: Any, translation: Any, image_size: tuple[int, int]
+    ) -> Camera:
+        """Make the camera K [R | t].
+
+        Parameters
+        ----------
+        intrinsics : (3, 3) array
+            K, in pixels.
+        rotation : (3, 3) array
+            R, world axes to camera axes (x right, y down, z forward).
+        translation : (3,) array
+            t, mm: where the world's origin lies in camera axes.
+        image_size : (int, int)
+            Width and height in pixels.
+        """
+        k = check_array(intrinsics, "intrinsics", (3, 3))
+        r = check_array(rotation, "rotation", (3, 3))
+        t = check_array(translation, "translation", (3,))
+        return cls(k @ np.column_stack([r, t]), image_size)
+
+    @cached_property
+    def center(self) -> Floats:
+        """Projection centre (X-ray source, pinhole) in the world, (3,), mm."""
+        return np.asarray(np.linalg.solve(self.projection[:, :3], -self.projection[:, 3]))
+
+    @property
+    def axis(self) -> Floats:
+        """Unit vector in which depth grows, (3,)."""
+        return self.projection[2, :3]
+
+    @cached_property
+    def focal_length(self) -> float:
+        """Focal length in pixels, the mean over both picture axes."""
+        x, y, z = self.projection[:, :3]
+        return float(np.linalg.norm(np.cross(x, z)) + np.linalg.norm(np.cross(y, z))) / 2
+
+    @cached_property
+    def pixel_to_ray(self) -> Floats:
+        """(3, 3) matrix from homogeneous pixels to world directions of depth 1 mm."""
+        return np.asarray(np.linalg.inv(self.projection[:, :3]))
+
+    def project(self, points: Any) -> Floats:
+        """Project (n, 3) world points, mm, to (n, 2) pixels."""
+        homogeneous = _world_points(points) @ self.projection[:, :3].T + self.projection[:, 3]
+        return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:])
+
+    def depth(self, points: Any) -> Floats:
+        """Depth of (n, 3) world points before the camera, (n,), mm; positive in front."""
+        return np.asarray(_world_points(points) @ self.axis + self.projection[2, 3])
+
+    def jacobian(self, points: Any) -> Floats:
+        """How pixels move with the world point: (n, 2, 3) derivatives, px/mm."""
+        points = _world_points(points)
+        pixels, depth = self.project(points), self.depth(points)
+        rows = self.projection[:2, :3] - pixels[:, :, None] * self.axis
+        return np.asarray(rows / depth[:, None, None])
+
+    def rays(self, pixels: Any) -> Floats:
+        """World directions in which (n, 2) pixels look, (n, 3), of unit length."""
+        pixels = np.asarray(pixels, dtype=float)
+        directions = pixels @ self.pixel_to_ray[:, :2].T + self.pixel_to_ray[:, 2]
+        return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+
+    def pixel_size(self, points: Any) -> Floats:
+        """Millimetres in space that one pixel spans at (n, 3) world points, (n,)."""
+        return self.depth(points) / self.focal_length
+
+
+@dataclass(frozen=True, eq=False)
+class StereoRig:
+    """The two cameras together, in one world frame.
+
+    Parameters
+    ----------
+    a, b : Camera
+        DICOM planes A and B, or left and right eye.
+    frame : {'world', 'patient_lps', 'isocenter_lps', 'camera_a'}
+        Which axes the world has.
+
+    Raises
+    ------
+    ValueError
+        Where both cameras stand in one place: two such views hold no depth.
+
+    Examples
+    --------
+    Two cameras 1000 mm from the origin, one on the x axis and one on the y axis:
+
+    >>> k, size = [[1000, 0, 320], [0, 1000, 240], [0, 0, 1]], (640, 480)
+    >>> on_x = Camera.from_pose(k, [[0, 1, 0], [0, 0, -1], [-1, 0, 0]], [0, 0, 1000], size)
+    >>> on_y = Camera.from_pose(k, [[-1, 0, 0], [0, 0, -1], [0, -1, 0]], [0, 0, 1000], size)
+    >>> rig = StereoRig(on_x, on_y)
+    >>> round(rig.baseline, 2), round(rig.convergence_deg, 6)
+    (1414.21, 90.0)
+    """
+
+    a: Camera
+    b: Camera
+    frame: Frame = "world"
+
+    def __post_init__(self) -> None:
+        if self.frame not in get_args(Frame):
+            raise ValueError(f"frame: {self.frame!r} is not one of {', '.join(get_args(Frame))}")
+        reach = max(np.abs(self.a.center).max(), np.abs(self.b.center).max(), 1.0)
+        if self.baseline < 1e-6 * reach:
+            raise ValueError(
+                "rig: both cameras stand in the same place, so the views hold no depth; "
+                "give the geometry of two different views"
+            )
+
+    @classmethod
+    def from_projections(
+        cls,
+        projection_a: Any,
+        projection_b: Any,
+        size_a: tuple[int, int],
+        size_b: tuple[int, int],
+        frame: Frame = "world",
+    ) -> StereoRig:
+        """Make a rig of two matrices whose signs may be arbitrary.
+
+        A matrix from a file and its negative describe the same picture. Taken are the signs
+        that put the field that both views share in front of both cameras; where the given
+        signs do that, they stay.
+        """
+        a, b = Camera(projection_a, size_a), Camera(projection_b, size_b)
+        candidates = [
+            cls(Camera(sign_a * a.projection, size_a), Camera(sign_b * b.projection, size_b), frame)
+            for sign_a, sign_b in ((1, 1), (-1, -1), (1, -1), (-1, 1))
+        ]
+        shared = [_shared_field(rig) for rig in candidates]
+        # Parallel views share as much behind as in front: only clearly more outweighs the given.
+        best = int(np.argmax(shared))
+        return candidates[best] if shared[best] > 1.5 * shared[0] else candidates[0]
+
+    @cached_property
+    def baseline(self) -> float:
+        """Distance between the two camera centres, mm."""
+        return float(np.linalg.norm(self.b.center - self.a.center))
+
+    @cached_property
+    def convergence_deg(self) -> float:
+        """Angle between the two viewing axes, degrees."""
+        return float(np.degrees(np.arccos(np.clip(self.a.axis @ self.b.axis, -1, 1))))
+
+    @cached_property
+    def fundamental(self) -> Floats:
+        """Fundamental matrix F, (3, 3): x_bᵀ F x_a = 0 for two pictures of one point.
+
+        Scaled so that x_bᵀ F x_a is t·(d_a × d_b) for the unit baseline t and rays d of
+        depth 1: about the gap between the rays over their depth.
+        """
+        t = (self.b.center - self.a.center) / self.baseline
+        cross = np.array([[0, -t[2], t[1]], [t[2], 0, -t[0]], [-t[1], t[0], 0]])
+        return np.asarray(self.b.pixel_to_ray.T @ cross @ self.a.pixel_to_ray)
+
+    def epipolar_angle(self, camera: Camera, pixels: Any) -> Floats:
+        """Angle of the epipolar plane through each pixel, about the baseline, (n,), rad.
+
+        Pixels of the two views that show one point have the same angle; zero lies between
+        the two viewing axes.
+
+        Parameters
+        ----------
+        camera : Camera
+            `rig.a` or `rig.b`, whichever the pixels belong to.
+        pixels : (n, 2) array
+        """
+        forward, up = self._epipolar_axes
+        rays = camera.rays(pixels)
+        return np.arctan2(rays @ up, rays @ forward)
+
+    @cached_property
+    def _epipolar_axes(self) -> tuple[Floats, Floats]:
+        t = (self.b.center - self.a.center) / self.baseline
+        forward = self.a.axis + self.b.axis
+        forward = forward - (forward @ t) * t
+        if np.linalg.norm(forward) < 1e-9:  # both look along the baseline: any direction serves
+            forward = np.cross(t, np.eye(3)[np.argmin(np.abs(t))])
+        forward = forward / np.linalg.norm(forward)
+        return forward, np.cross(t, forward)
+
+
+def triangulate(rig: StereoRig, pixels_a: Any, pixels_b: Any) -> Floats:
+    """Points in space that are closest to both rays of each pixel pair.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    pixels_a, pixels_b : (n, 2) array
+        Corresponding pixels of view a and view b.
+
+    Returns
+    -------
+    (n, 3) array
+        World points, mm: the middle of the shortest connection of the two rays
+        (Hartley and Zisserman, 12.1, "mid-point method").
+
+    Raises
+    ------
+    ValueError
+        Where two rays are parallel.
+
+    Examples
+    --------
+    >>> k, size = [[1000, 0, 320], [0, 1000, 240], [0, 0, 1]], (640, 480)
+    >>> left = Camera.from_pose(k, np.eye(3), [0, 0, 0], size)
+    >>> right = Camera.from_pose(k, np.eye(3), [-5, 0, 0], size)
+    >>> triangulate(StereoRig(left, right), [[320, 240]], [[270, 240]]).round(9)  # 5·1000/50
+    array([[  0.,   0., 100.]])
+    """
+    to_a, to_b = rig.a.rays(pixels_a), rig.b.rays(pixels_b)
+    between = rig.b.center - rig.a.center
+    cosine = np.sum(to_a * to_b, axis=1)
+    sine_squared = np.sum(np.cross(to_a, to_b) ** 2, axis=1)
+    if np.any(sine_squared < 1e-16):
+        raise ValueError("triangulate: two rays are parallel, so they meet nowhere")
+    along_a, along_b = to_a @ between, to_b @ between
+    reach_a = (along_a - cosine * along_b) / sine_squared
+    reach_b = (cosine * along_a - along_b) / sine_squared
+    on_a = rig.a.center + reach_a[:, None] * to_a
+    on_b = rig.b.center + reach_b[:, None] * to_b
+    return np.asarray((on_a + on_b) / 2)
+
+
+def _world_points(points: Any) -> Floats:
+    array: Floats = np.asarray(points, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"points: must be n×3, is {'×'.join(map(str, array.shape))}")
+    return array
+
+
+def _shared_field(rig: StereoRig) -> int:
+    """Of a grid of points in front of camera a, how many does camera b see before it?"""
+    (width, height), (width_b, height_b) = rig.a.image_size, rig.b.image_size
+    x, y = np.meshgrid(np.linspace(0, width - 1, 5), np.linspace(0, height - 1, 5))
+    rays = rig.a.rays(np.column_stack([x.ravel(), y.ravel()]))
+    reach = rig.baseline * np.geomspace(0.1, 20, 40)
+    points = (rig.a.center + reach[:, None, None] * rays).reshape(-1, 3)
+    points = points[rig.b.depth(points) > 0]
+    if len(points) == 0:
+        return 0
+    pixels = rig.b.project(points)
+    inside = np.all((pixels > -0.5) & (pixels < [width_b - 0.5, height_b - 0.5]), axis=1)
+    return int(inside.sum())

@@ -1,0 +1,124 @@
+"""`Observation`: what both views saw of the device at one instant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from .arrays import Floats, check_array
+from .camera import Camera, StereoRig
+
+Kind = Literal["filled", "edges"]
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """One instant: the device's pixels in both views, and where the views stood.
+
+    Parameters
+    ----------
+    pixels_a, pixels_b : (n, 2) array
+        Pixels (x, y) on the device, free of lens distortion. A view that saw nothing
+        has none.
+    rig : StereoRig
+    time : float
+        Seconds.
+    index : int
+        Number of the frame in its source, from zero.
+    kind : {'filled', 'edges'}
+        Whether the pixels fill the device or trace its edges.
+    field_of_view : pair of (m, 2) arrays, optional
+        Corners, in order, of the convex region that each view could see (picture border,
+        shutter). A device that crosses its border has no end there. Default: the whole
+        pictures.
+
+    Raises
+    ------
+    ValueError
+        Where an array has the wrong shape or is not finite.
+    """
+
+    pixels_a: Floats
+    pixels_b: Floats
+    rig: StereoRig
+    time: float = 0.0
+    index: int = 0
+    kind: Kind = "filled"
+    field_of_view: tuple[Floats, Floats] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("pixels_a", "pixels_b"):
+            object.__setattr__(self, name, check_array(getattr(self, name), name, (None, 2)))
+        if self.kind not in get_args(Kind):
+            raise ValueError(f"kind: {self.kind!r} is not one of {', '.join(get_args(Kind))}")
+        if not np.isfinite(self.time):
+            raise ValueError(f"time: {self.time!r} is not a finite number of seconds")
+        view_a, view_b = self.field_of_view or (
+            picture_border(self.rig.a),
+            picture_border(self.rig.b),
+        )
+        checked = tuple(
+            check_array(corners, f"field of view {view}", (None, 2))
+            for view, corners in (("a", view_a), ("b", view_b))
+        )
+        object.__setattr__(self, "field_of_view", checked)
+
+    @classmethod
+    def from_masks(cls, mask_a: Any, mask_b: Any, rig: StereoRig, **described: Any) -> Observation:
+        """Take the True pixels of two boolean masks, (rows, columns) each.
+
+        Parameters
+        ----------
+        mask_a, mask_b : (height, width) array of bool
+        rig : StereoRig
+        **described
+            `time`, `index`, `kind`, `field_of_view` as above.
+
+        Raises
+        ------
+        ValueError
+            Where a mask has another size than its camera's picture.
+
+        Examples
+        --------
+        >>> from stereosom.synthetic import converging_rig
+        >>> mask = np.zeros((768, 1024), dtype=bool)
+        >>> mask[2, 5] = True  # row 2, column 5
+        >>> Observation.from_masks(mask, mask, converging_rig(45)).pixels_a
+        array([[5., 2.]])
+        """
+        pixels = []
+        for view, mask, camera in (("a", mask_a, rig.a), ("b", mask_b, rig.b)):
+            mask = np.asarray(mask, dtype=bool)
+            width, height = camera.image_size
+            if mask.shape != (height, width):
+                size = "×".join(str(length) for length in mask.shape[::-1])
+                raise ValueError(
+                    f"mask {view}: is {size} pixels, its camera's picture is {width}×{height}; "
+                    "give the mask and the calibration of the same picture"
+                )
+            row, column = np.nonzero(mask)
+            pixels.append(np.column_stack([column, row]).astype(np.float64))
+        return cls(pixels[0], pixels[1], rig, **described)
+
+    def distance_to_border(self, view: Literal["a", "b"], pixels: Any) -> Floats:
+        """Distance of (n, 2) pixels to the border of a view's field, (n,), px."""
+        assert self.field_of_view is not None  # filled in when made
+        corners = self.field_of_view[0 if view == "a" else 1]
+        pixels = np.asarray(pixels, dtype=float)
+        nearest = np.full(len(pixels), np.inf)
+        for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            side = end - start
+            share = np.clip((pixels - start) @ side / max(side @ side, 1e-12), 0, 1)
+            distance = np.linalg.norm(pixels - start - share[:, None] * side, axis=1)
+            nearest = np.minimum(nearest, distance)
+        return nearest
+
+
+def picture_border(camera: Camera) -> Floats:
+    """Corners of a camera's whole picture, (4, 2), px: the outer edges of its border pixels."""
+    width, height = camera.image_size
+    right, bottom = width - 0.5, height - 0.5
+    return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
