@@ -1,0 +1,84 @@
+"""`Acquisition`: the frames of both views, read one at a time, and where the views stood."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from stereosom.arrays import Floats, check_array
+from stereosom.camera import StereoRig
+
+Image = npt.NDArray[Any]
+FieldOfView = tuple[Floats, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class FramePair:
+    """Both pictures of one instant, (rows, columns) each."""
+
+    image_a: Image
+    image_b: Image
+    rig: StereoRig
+    time: float
+    index: int
+    field_of_view: FieldOfView | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Acquisition:
+    """A run of frame pairs. Nothing is read before it is asked for, and nothing is kept.
+
+    Parameters
+    ----------
+    read : callable
+        Frame number to both pictures, `(image_a, image_b)`, (rows, columns) each.
+    rigs : tuple of StereoRig
+        One that holds for all frames, or one per frame.
+    times : (n,) array
+        Seconds, not decreasing; its length is the number of frames.
+    sources : tuple of Path
+        The files that are read.
+    source_uids : tuple of str
+        SOP Instance UIDs, where DICOM was read.
+    field_of_view : pair of (m, 2) arrays, optional
+        As in `stereosom.Observation`.
+    notes : tuple of str
+        What was assumed, one sentence each, for the user to read.
+    """
+
+    read: Callable[[int], tuple[Image, Image]]
+    rigs: tuple[StereoRig, ...]
+    times: Floats
+    sources: tuple[Path, ...] = ()
+    source_uids: tuple[str, ...] = ()
+    field_of_view: FieldOfView | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "times", check_array(self.times, "times", (None,)))
+        if len(self.rigs) not in (1, len(self.times)):
+            raise ValueError(f"rigs: {len(self.rigs)} for {len(self.times)} frames")
+        if np.any(np.diff(self.times) < 0):
+            raise ValueError("times: must not decrease")
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def rig(self, index: int) -> StereoRig:
+        """Where the views stood in a frame."""
+        return self.rigs[index if len(self.rigs) > 1 else 0]
+
+    def __getitem__(self, index: int) -> FramePair:
+        if not 0 <= index < len(self):
+            raise IndexError(f"frame {index} of {len(self)}")
+        image_a, image_b = self.read(index)
+        time = float(self.times[index])
+        return FramePair(image_a, image_b, self.rig(index), time, index, self.field_of_view)
+
+    def __iter__(self) -> Iterator[FramePair]:
+        return (self[index] for index in range(len(self)))
