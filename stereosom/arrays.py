@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.intp]
+Booleans = npt.NDArray[np.bool_]
 
 
 def check_array(values: Any, name: str, shape: tuple[int | None, ...]) -> Floats:

@@ -253,7 +253,7 @@ class Backbone:
         nodes, arc_length = self._table
         wanted = np.clip(np.atleast_1d(s), 0.0, self.length)
         span = np.clip(np.searchsorted(arc_length, wanted, side="right") - 1, 0, len(nodes) - 2)
-        parameter = np.asarray(self._parameter_guess(wanted))
+        parameter = np.clip(self._parameter_guess(wanted), nodes[span], nodes[span + 1])
         for _ in range(3):
             reached = arc_length[span] + self._length_between(nodes[span], parameter)
             speed = np.linalg.norm(self._spline(parameter, nu=1), axis=1)

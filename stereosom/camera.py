@@ -237,6 +237,15 @@ class StereoRig:
         rays = camera.rays(pixels)
         return np.arctan2(rays @ up, rays @ forward)
 
+    def epipolar_line(self, camera: Camera, angle: float) -> Floats:
+        """Line l, (3,), in a view that shows the epipolar plane at `angle` (rad).
+
+        l·(x, y, 1) is zero on the line and positive on the side of larger angles.
+        """
+        forward, up = self._epipolar_axes
+        normal = np.cos(angle) * up - np.sin(angle) * forward
+        return np.asarray(camera.pixel_to_ray.T @ normal)
+
     @cached_property
     def _epipolar_axes(self) -> tuple[Floats, Floats]:
         t = (self.b.center - self.a.center) / self.baseline

@@ -11,6 +11,7 @@ from .arrays import Floats, check_array
 from .camera import Camera, StereoRig
 
 Kind = Literal["filled", "edges"]
+View = Literal["a", "b"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,8 @@ class Observation:
         Corners, in order, of the convex region that each view could see (picture border,
         shutter). A device that crosses its border has no end there. Default: the whole
         pictures.
+    defect : str
+        Why there is nothing to see, where the frames could not be read or used.
 
     Raises
     ------
@@ -47,6 +50,7 @@ class Observation:
     index: int = 0
     kind: Kind = "filled"
     field_of_view: tuple[Floats, Floats] | None = None
+    defect: str = ""
 
     def __post_init__(self) -> None:
         for name in ("pixels_a", "pixels_b"):
@@ -103,7 +107,7 @@ class Observation:
             pixels.append(np.column_stack([column, row]).astype(np.float64))
         return cls(pixels[0], pixels[1], rig, **described)
 
-    def distance_to_border(self, view: Literal["a", "b"], pixels: Any) -> Floats:
+    def distance_to_border(self, view: View, pixels: Any) -> Floats:
         """Distance of (n, 2) pixels to the border of a view's field, (n,), px."""
         assert self.field_of_view is not None  # filled in when made
         corners = self.field_of_view[0 if view == "a" else 1]

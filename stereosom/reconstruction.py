@@ -7,10 +7,14 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from .arrays import Floats, check_array
+from .arrays import Booleans, Floats, check_array
 from .backbone import Backbone
 
 Status = Literal["ok", "predicted", "lost", "failed"]
+
+
+class HardFrame(ValueError):
+    """A method's word that it cannot reconstruct this observation, and why."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +102,7 @@ class Reconstruction:
         largest = np.linalg.eigvalsh(across @ covariance @ across)[:, -1]
         return np.asarray(np.sqrt(np.maximum(largest, 0.0)))
 
-    def determined_at(self, s: Any) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def determined_at(self, s: Any) -> Booleans:
         """Whether the views determine the curve at arc lengths `s` (n,).
 
         Not where the standard deviation exceeds 1 mm or three times the radius, whichever

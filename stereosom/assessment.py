@@ -1,0 +1,150 @@
+"""How well a curve agrees with what both views saw, and how sure it is: for every method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .arrays import Floats
+from .backbone import Backbone
+from .camera import Camera
+from .observation import Observation
+from .reconstruction import HardFrame, Reconstruction
+
+_SAMPLES = 200
+# A curve is refused that lies this far from the device in a view, as a share of its length
+# there, or leaves this share of the device's pixels aside: such a curve is another one.
+_FARTHEST = 0.03
+_MOST_STRAY = 0.25
+# Below this nobody can tell a mask's edge, however well a curve happens to fit.
+_LEAST_RESIDUAL_PX = 0.1
+
+
+def assess(
+    backbone: Backbone,
+    observation: Observation,
+    *,
+    end_deviation: float,
+    method: str,
+    reason: str = "",
+    radius: float | None = None,
+) -> Reconstruction:
+    """Turn a curve into a result: residuals, covariance along it, and the radius.
+
+    Parameters
+    ----------
+    backbone : Backbone
+    observation : Observation
+        What the curve was made of.
+    end_deviation : float
+        Standard deviation of both ends along the curve, mm.
+    method, reason : str
+        As in `Reconstruction`.
+    radius : float, optional
+        Of the device, mm. Where not known it is read off filled masks.
+
+    Raises
+    ------
+    HardFrame
+        Where the curve does not follow the device in a view.
+    """
+    views = {
+        view: _agreement(view, backbone, camera, pixels)
+        for view, camera, pixels in (
+            ("a", observation.rig.a, observation.pixels_a),
+            ("b", observation.rig.b, observation.pixels_b),
+        )
+    }
+    if radius is None and observation.kind == "filled":
+        radius = float(np.mean([agreement.half_width_mm for agreement in views.values()]))
+    residuals = (views["a"].residual, views["b"].residual)
+    return Reconstruction(
+        index=observation.index,
+        time=observation.time,
+        status="ok",
+        reason=reason,
+        method=method,
+        backbone=backbone,
+        covariance=curve_covariance(backbone, observation, residuals, end_deviation),
+        residuals=residuals,
+        radius=radius,
+    )
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    residual: float  # RMS over the curve, px
+    half_width_mm: float  # of a filled mask
+
+
+def _agreement(view: str, backbone: Backbone, camera: Camera, pixels: Floats) -> _Agreement:
+    """Compare the projected curve with the pixels of one view.
+
+    The residual at a sample of the curve is the mean offset, across the projected curve, of
+    the pixels nearest to it: zero where the curve runs in the middle of the device.
+    """
+    points = backbone.sample(_SAMPLES)
+    if np.any(camera.depth(points) <= 0):
+        raise HardFrame(f"view {view}: the curve runs behind the camera")
+    curve = camera.project(points)
+    length = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
+    distance, nearest = map(np.asarray, cKDTree(curve).query(pixels))
+    direction = np.gradient(curve, axis=0)
+    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
+    normal = np.column_stack([-direction[:, 1], direction[:, 0]])
+    offset = np.sum((pixels - curve[nearest]) * normal[nearest], axis=1)
+    # Pixels beyond an end belong to no place along the curve.
+    inside = (nearest > 0) & (nearest < _SAMPLES - 1)
+    count = np.bincount(nearest[inside], minlength=_SAMPLES)
+    total = np.bincount(nearest[inside], offset[inside], minlength=_SAMPLES)
+    seen = count > 0
+    residual = float(np.sqrt(np.mean((total[seen] / count[seen]) ** 2))) if seen.any() else np.inf
+    if not residual <= max(3.0, _FARTHEST * length):
+        raise HardFrame(
+            f"view {view}: no curve was found that follows the device "
+            f"(it lies {residual:.0f} px beside it)"
+        )
+    stray = float(np.mean(distance > max(5.0, 4 * float(np.median(distance)))))
+    if stray > _MOST_STRAY:
+        raise HardFrame(
+            f"view {view}: {stray:.0%} of the pixels belong to no part of the curve that was found"
+        )
+    half_width = len(pixels) / length / 2
+    return _Agreement(residual, half_width * float(camera.pixel_size(points).mean()))
+
+
+def curve_covariance(
+    backbone: Backbone,
+    observation: Observation,
+    residuals: tuple[float, float],
+    end_deviation: float,
+) -> Floats:
+    """Covariance along the curve, (n, 3, 3), mm².
+
+    Each view measures where the curve lies across its picture of it, to within the residual
+    σ: with the pixel Jacobian J and the normal n of the projected curve, its information is
+    (Jᵀn)(Jᵀn)ᵀ/σ². The sum over both views, inverted in the plane across the curve, is the
+    covariance there. Where the curve runs along an epipolar plane both views measure the same
+    direction, and the other one stays open: its variance grows without bound.
+    Along the curve stands `end_deviation`², which the views' offsets do not show.
+    """
+    s = backbone.arc_lengths(_SAMPLES)
+    points, tangents = backbone(s), backbone.tangent(s)
+    information = np.zeros((_SAMPLES, 3, 3))
+    for camera, residual in zip((observation.rig.a, observation.rig.b), residuals, strict=True):
+        jacobian = camera.jacobian(points)
+        along = np.einsum("nij,nj->ni", jacobian, tangents)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+        normal = np.column_stack([-along[:, 1], along[:, 0]])
+        measured = np.einsum("nij,ni->nj", jacobian, normal)
+        weight = 1 / max(residual, _LEAST_RESIDUAL_PX) ** 2
+        information += weight * measured[:, :, None] * measured[:, None, :]
+    along_tangent = tangents[:, :, None] * tangents[:, None, :]
+    # No point is surer than its view and none farther off than the curve is long.
+    floor = np.eye(3) / backbone.length**2
+    across = np.linalg.inv(information + floor + along_tangent)
+    project = np.eye(3) - along_tangent
+    covariance = project @ across @ project + end_deviation**2 * along_tangent
+    return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)
