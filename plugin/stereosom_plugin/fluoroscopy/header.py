@@ -1,0 +1,164 @@
+"""What a DICOM file says about itself, read without its pixels and without trusting it."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stereosom_plugin.errors import InputError, require
+
+pydicom = require("pydicom", "fluoroscopy")
+
+DEFLATED = "1.2.840.10008.1.2.1.99"
+
+# Only these are read; whatever else a file holds is stepped over, however large it is.
+KEYWORDS = (
+    # what it is, and whose partner
+    *("SOPClassUID", "SOPInstanceUID", "StudyInstanceUID", "ImageType", "InstanceNumber"),
+    *("ReferencedImageSequence", "MaskSubtractionSequence"),
+    # times
+    *("AcquisitionDateTime", "AcquisitionDate", "AcquisitionTime", "FrameIncrementPointer"),
+    *("FrameTime", "FrameTimeVector", "CineRate", "RecommendedDisplayFrameRate"),
+    # geometry
+    *("PositionerPrimaryAngle", "PositionerSecondaryAngle", "PositionerMotion"),
+    *("PositionerPrimaryAngleIncrement", "PositionerSecondaryAngleIncrement"),
+    *("DistanceSourceToDetector", "DistanceSourceToPatient", "ImagerPixelSpacing"),
+    *("EstimatedRadiographicMagnificationFactor", "PatientPosition", "PatientOrientation"),
+    *("FieldOfViewRotation", "FieldOfViewHorizontalFlip", "TableMotion", "TableAngle"),
+    # shutters
+    *("ShutterShape", "ShutterLeftVerticalEdge", "ShutterRightVerticalEdge"),
+    *("ShutterUpperHorizontalEdge", "ShutterLowerHorizontalEdge"),
+    *("CenterOfCircularShutter", "RadiusOfCircularShutter", "VerticesOfThePolygonalShutter"),
+    # pixels
+    *("Rows", "Columns", "NumberOfFrames", "SamplesPerPixel", "PhotometricInterpretation"),
+    *("BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Header:
+    """The wanted elements of one DICOM file.
+
+    Parameters
+    ----------
+    path : Path
+    dataset : pydicom.Dataset
+        Everything before the pixels that `KEYWORDS` lists.
+    transfer_syntax : str
+        Its UID.
+    pixel_position : int
+        Byte at which the element after the header, Pixel Data, begins.
+    """
+
+    path: Path
+    dataset: Any
+    transfer_syntax: str
+    pixel_position: int
+
+    def refuse(self, why: str, mend: str) -> InputError:
+        """The error to raise about this file."""
+        return InputError(self.path, why, mend)
+
+    def value(self, keyword: str) -> Any:
+        """An element's value as pydicom gives it, None where it is absent or empty."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # odd values are judged here, not by pydicom
+                value = self.dataset.get(keyword)
+        except Exception:  # pydicom raises many kinds on malformed values
+            raise self._malformed(keyword) from None
+        return None if value is None or value == "" or value == [] else value
+
+    def text(self, keyword: str) -> str:
+        """An element as text, empty where it is absent; values are joined by a backslash."""
+        return "\\".join(str(part).strip() for part in self._parts(keyword))
+
+    def numbers(self, keyword: str) -> tuple[float, ...]:
+        """An element's finite numbers, none where it is absent."""
+        try:
+            numbers = tuple(float(part) for part in self._parts(keyword))
+        except (TypeError, ValueError):
+            raise self._malformed(keyword) from None
+        if not all(map(math.isfinite, numbers)):
+            raise self._malformed(keyword)
+        return numbers
+
+    def number(self, keyword: str) -> float | None:
+        """An element's one finite number, None where it is absent."""
+        numbers = self.numbers(keyword)
+        if len(numbers) > 1:
+            raise self._malformed(keyword)
+        return numbers[0] if numbers else None
+
+    def whole(self, keyword: str, default: int | None = None) -> int:
+        """An element's one whole number; where it is absent, the default, else an error."""
+        number = self.number(keyword)
+        if number is None:
+            if default is None:
+                raise self.missing(keyword)
+            return default
+        if number != int(number):
+            raise self._malformed(keyword)
+        return int(number)
+
+    def missing(self, *keywords: str) -> InputError:
+        """The error to raise where elements that nothing can stand in for are absent."""
+        names = " or ".join(map(label, keywords))
+        return self.refuse(f"has no {names}", "export the original objects, with their geometry")
+
+    def _parts(self, keyword: str) -> list[Any]:
+        value = self.value(keyword)
+        if value is None:
+            return []
+        return [value] if isinstance(value, (str, bytes)) or not _listed(value) else list(value)
+
+    def _malformed(self, keyword: str) -> InputError:
+        return self.refuse(f"{label(keyword)} holds no usable value", "export the objects again")
+
+
+def label(keyword: str) -> str:
+    """Name an element as people look it up.
+
+    Examples
+    --------
+    >>> label("ImagerPixelSpacing")
+    'ImagerPixelSpacing (0018,1164)'
+    """
+    tag = pydicom.datadict.tag_for_keyword(keyword)
+    return f"{keyword} ({tag >> 16:04X},{tag & 0xFFFF:04X})"
+
+
+def read_header(path: Path) -> Header:
+    """Read the header of one DICOM file; its pixels stay on the disk.
+
+    Raises
+    ------
+    InputError
+        Where the file is absent, is not DICOM, or is packed as a whole.
+    """
+    if not path.exists():
+        raise InputError(path, "no such file", "check the path")
+    try:
+        with path.open("rb") as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            meta = pydicom.filereader.read_file_meta_info(path)
+            syntax = str(meta.get("TransferSyntaxUID", ""))
+            if syntax == DEFLATED:  # a small file of this kind may unpack to gigabytes
+                raise InputError(path, "is a deflated DICOM file", "store it uncompressed")
+            tags = [pydicom.datadict.tag_for_keyword(keyword) for keyword in KEYWORDS]
+            dataset = pydicom.dcmread(file, stop_before_pixels=True, specific_tags=tags)
+            position = file.tell()
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(path, error.strerror or "cannot be read", "check the file") from None
+    except Exception:  # pydicom raises many kinds, RecursionError among them
+        raise InputError(path, "is not a readable DICOM file", "give two XA objects") from None
+    return Header(path, dataset, syntax, position)
+
+
+def _listed(value: Any) -> bool:
+    return hasattr(value, "__iter__")
