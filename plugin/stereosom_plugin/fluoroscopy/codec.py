@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import importlib.util
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -27,11 +28,15 @@ class CodecError(Exception):
     """One frame cannot be decoded; says why."""
 
 
+class _ChildDied(Exception):
+    """The child is of no more use."""
+
+
 class _Child:
     """A decoder process, and the folder through which files pass."""
 
     def __init__(self) -> None:
-        self.folder = tempfile.TemporaryDirectory(prefix="stereosom-")
+        self.folder = Path(tempfile.mkdtemp(prefix="stereosom-"))
         # -P: the modules beside this file must not shadow anything.
         self.process = subprocess.Popen(
             [sys.executable, "-P", __file__],
@@ -44,7 +49,7 @@ class _Child:
     def decode(self, file: bytes) -> npt.NDArray[Any]:
         assert self.process.stdin is not None
         assert self.process.stdout is not None
-        source = Path(self.folder.name, "frame.dcm")
+        source = self.folder / "frame.dcm"
         source.write_bytes(file)
         watchdog = threading.Timer(SECONDS_A_FRAME, self.process.kill)
         watchdog.start()
@@ -58,14 +63,14 @@ class _Child:
             watchdog.cancel()
         if answer == "done":
             return np.asarray(np.load(source.with_suffix(".npy"), allow_pickle=False))
-        if not answer:
-            self.close()
-        raise CodecError(answer or "its decoder died of it, or took too long")
+        if answer:
+            raise CodecError(answer)
+        raise _ChildDied("its decoder died of it, or took too long")
 
     def close(self) -> None:
         self.process.kill()
         self.process.communicate()
-        self.folder.cleanup()
+        shutil.rmtree(self.folder, ignore_errors=True)
 
 
 _child: _Child | None = None
@@ -95,15 +100,21 @@ def decode_with_simpleitk(file: bytes) -> npt.NDArray[Any]:
 
         require("SimpleITK", "fluoroscopy")
     with _lock:
-        if _child is None or _child.process.poll() is not None:
+        if _child is None:
             _child = _Child()
-        return _child.decode(file)
+        try:
+            return _child.decode(file)
+        except _ChildDied as error:
+            _close()
+            raise CodecError(str(error)) from None
 
 
 @atexit.register
 def _close() -> None:
+    global _child
     if _child is not None:
         _child.close()
+        _child = None
 
 
 def _serve() -> None:

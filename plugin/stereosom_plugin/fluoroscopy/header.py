@@ -131,6 +131,17 @@ def label(keyword: str) -> str:
     return f"{keyword} ({tag >> 16:04X},{tag & 0xFFFF:04X})"
 
 
+def uid_name(uid: str) -> str:
+    """What a UID stands for, short; the UID itself where that is not known.
+
+    Examples
+    --------
+    >>> uid_name("1.2.840.10008.1.2.5")
+    'RLE Lossless'
+    """
+    return str(pydicom.uid.UID(uid, pydicom.config.IGNORE).name)[:80]
+
+
 def read_header(path: Path) -> Header:
     """Read the header of one DICOM file; its pixels stay on the disk.
 
@@ -157,6 +168,8 @@ def read_header(path: Path) -> Header:
         raise InputError(path, error.strerror or "cannot be read", "check the file") from None
     except Exception:  # pydicom raises many kinds, RecursionError among them
         raise InputError(path, "is not a readable DICOM file", "give two XA objects") from None
+    if not syntax:
+        raise InputError(path, "is not a readable DICOM file", "give two XA objects")
     return Header(path, dataset, syntax, position)
 
 

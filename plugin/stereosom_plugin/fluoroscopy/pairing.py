@@ -15,7 +15,7 @@ from stereosom_plugin.acquisition import Acquisition, Image
 from stereosom_plugin.errors import InputError
 
 from .geometry import read_cameras, read_shutter
-from .header import Header, label, read_header
+from .header import Header, label, read_header, uid_name
 from .pixels import PixelStore, open_pixels
 from .timing import FrameTimes, pair_frames, read_times
 
@@ -139,11 +139,11 @@ def _find_pair(
 
 
 def _check_class(header: Header) -> None:
-    uid = header.value("SOPClassUID")
-    if uid == XA:
-        return
-    name = getattr(uid, "name", "of no known kind")
-    raise header.refuse(f"is {name[:60]!r}, not a (classic) X-ray angiogram", "give two XA objects")
+    uid = header.text("SOPClassUID")
+    if uid != XA:
+        raise header.refuse(
+            f"is {uid_name(uid)!r}, not X-Ray Angiographic Image Storage", "give two XA objects"
+        )
 
 
 def _order(one: Header, two: Header) -> tuple[Header, Header, list[str]]:
@@ -204,7 +204,7 @@ def _pair_in_folder(folder: Path) -> tuple[Header, Header, list[str]]:
     for path in _dicom_files(folder):
         try:
             header = read_header(path)
-            if header.value("SOPClassUID") == XA:
+            if header.text("SOPClassUID") == XA:
                 headers.append(header)
         except InputError as error:
             broken.append(str(error))

@@ -17,7 +17,7 @@ from stereosom_plugin.acquisition import Image
 from stereosom_plugin.errors import InputError
 
 from .codec import CodecError, decode_with_simpleitk
-from .header import Header, pydicom
+from .header import Header, pydicom, uid_name
 
 UNCOMPRESSED = ("1.2.840.10008.1.2", "1.2.840.10008.1.2.1")
 RLE = "1.2.840.10008.1.2.5"
@@ -192,8 +192,9 @@ def _seek_pixels(header: Header, file: BinaryIO) -> bool:
     """Move to Pixel Data; say whether it is compressed."""
     syntax = header.transfer_syntax
     if syntax not in (*UNCOMPRESSED, RLE, *JPEG_FAMILY):
-        name = pydicom.uid.UID(syntax).name[:80] or "unknown"
-        raise header.refuse(f"its transfer syntax ({name!r}) is not read", "store it uncompressed")
+        raise header.refuse(
+            f"its transfer syntax, {uid_name(syntax)!r}, is not read", "store it uncompressed"
+        )
     file.seek(header.pixel_position)
     group, element = struct.unpack("<HH", file.read(4).ljust(4, b"\0"))
     if (group, element) != (0x7FE0, 0x0010):
