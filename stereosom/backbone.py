@@ -121,6 +121,10 @@ class Backbone:
         """The same curve from tip to base."""
         return Backbone(-self.knots[::-1], self.coefficients[::-1], self.degree)
 
+    def between(self, start: float, stop: float) -> Backbone:
+        """The stretch from arc length `start` to `stop`, mm, by 500 points interpolated."""
+        return Backbone.through(self(np.linspace(start, stop, 500)))
+
     def transformed(self, rotation: Any, translation: Any) -> Backbone:
         """The curve after x → R x + t; `rotation` (3, 3), `translation` (3,) in mm."""
         turned = self.coefficients @ np.asarray(rotation, dtype=float).T

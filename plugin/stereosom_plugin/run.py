@@ -1,0 +1,91 @@
+"""From frames to files: segment, track, write, one frame at a time."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from stereosom.options import Options
+from stereosom.reconstruct import track
+from stereosom.reconstruction import Reconstruction
+
+from .acquisition import Acquisition
+from .centerline import read_vtp
+from .output import OutputFolder, centerline_path
+from .segmentation import Segment, observe
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How finely a curve is written: a number of points, or a longest step in mm."""
+
+    samples: int = 200
+    spacing: float | None = None
+
+
+def reconstruct_run(
+    acquisition: Acquisition,
+    folder: OutputFolder,
+    *,
+    segment: Segment,
+    frames: Sequence[int],
+    method: str,
+    options: Options,
+    sampling: Sampling,
+    progress: Callable[[Iterable[int]], Iterable[int]] = iter,
+) -> Iterator[Reconstruction]:
+    """Reconstruct the frames that are not done yet, and write each before the next is read.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+    folder : OutputFolder
+        Begun; frames that have a row in it are passed over.
+    segment : callable
+        Image to mask.
+    frames : sequence of int
+        Numbers of the frames that are wanted.
+    method : str
+    options : Options
+    sampling : Sampling
+    progress : callable
+        Wraps the frame numbers that are left, to show how far it is.
+
+    Yields
+    ------
+    Reconstruction
+        Each as soon as its files are written.
+    """
+    left = [frame for frame in frames if frame not in folder.frames_done]
+    options = _resumed(folder, options)
+    observations = observe(acquisition, segment, frames=progress(left))
+    for result in track(observations, method=method, options=options):
+        folder.commit(
+            result,
+            samples=sampling.samples,
+            spacing=sampling.spacing,
+            source_uids=acquisition.source_uids,
+        )
+        yield result
+
+
+def describe_inputs(paths: Iterable[Path]) -> list[dict[str, Any]]:
+    """Path and SHA-256 of each input file, for the record of a run."""
+    described = []
+    for path in paths:
+        with open(path, "rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        described.append({"path": str(Path(path).resolve()), "sha256": digest})
+    return described
+
+
+def _resumed(folder: OutputFolder, options: Options) -> Options:
+    """Start from the last curve of an interrupted run, as it would have gone on."""
+    curves = [row for row in folder.rows if row["status"] in ("ok", "predicted")]
+    if not curves:
+        return options
+    last = centerline_path(folder.path, int(curves[-1]["frame"]))
+    return replace(options, start=read_vtp(last).backbone)

@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+
+from stereosom.observation import Observation
+from stereosom.synthetic import converging_rig
+
+RIG = converging_rig(60)
+
+
+def test_a_mask_pixel_becomes_the_point_x_y():
+    mask = np.zeros((768, 1024), dtype=bool)
+    mask[10, 20] = True
+    seen = Observation.from_masks(mask, mask, RIG, time=1.5, index=3)
+    assert seen.pixels_b.tolist() == [[20, 10]]
+    assert (seen.time, seen.index) == (1.5, 3)
+
+
+def test_the_field_of_view_is_the_picture_unless_given():
+    seen = Observation(np.zeros((0, 2)), np.zeros((0, 2)), RIG)
+    distance = seen.distance_to_border("a", [[0, 300], [512, 384], [1023, 767]])
+    assert distance == pytest.approx([0.5, 383.5, 0.5])  # pixels are half a pixel from the edge
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"pixels_a": [[1, 2, 3]]}, "pixels_a: must be n×2, is 1×3"),
+        ({"pixels_b": [[1, np.nan]]}, "pixels_b: holds values that are not finite"),
+        ({"kind": "outline"}, "not one of filled, edges"),
+        ({"time": np.inf}, "not a finite number of seconds"),
+    ],
+)
+def test_what_is_no_observation_is_refused(change, says):
+    with pytest.raises(ValueError, match=says):
+        Observation(**({"pixels_a": [[1, 2]], "pixels_b": [[1, 2]], "rig": RIG} | change))
+
+
+def test_a_mask_of_another_size_is_refused_with_both_sizes():
+    with pytest.raises(ValueError, match="is 512×512 pixels, its camera's picture is 1024×768"):
+        Observation.from_masks(np.ones((768, 1024)), np.ones((512, 512)), RIG)
+
+
+def test_arrays_cannot_be_changed_afterwards():
+    pixels = np.array([[1.0, 2.0]])
+    seen = Observation(pixels, pixels, RIG)
+    pixels[0, 0] = 99
+    assert seen.pixels_a[0, 0] == 1
+    with pytest.raises(ValueError, match="read-only"):
+        seen.pixels_a[0, 0] = 5
