@@ -210,4 +210,4 @@ def vtk_messages() -> Iterator[list[str]]:
             # "ERROR: In FILE, line N\nCLASS (ADDRESS): MESSAGE"
             message = block.strip().partition("\n")[2].partition("): ")[2]
             if message:
-                messages.append(message.splitlines()[0])
+                messages.append(message.splitlines()[0].rstrip("."))

@@ -1,0 +1,99 @@
+"""3D Slicer's own storage nodes read our files without a word of complaint.
+
+Needs an environment of its own, whose Python STEREOSOM_SLICER_PYTHON names:
+`python -m venv ENV && ENV/bin/pip install "trame-slicer[standalone]"`.
+"""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from stereosom_plugin import polydata
+
+from stereosom.reconstruction import Reconstruction
+from stereosom.synthetic import growing_helix
+
+pytestmark = pytest.mark.interop
+TO_RAS = np.array([-1.0, -1.0, 1.0])
+
+
+def helix():
+    backbone = growing_helix()
+    covariance = np.tile(np.diag([0.1, 0.2, 0.3]), (5, 1, 1))
+    return Reconstruction(
+        0,
+        0.0,
+        "ok",
+        method="truth",
+        backbone=backbone,
+        covariance=covariance,
+        residuals=(0.5, 0.5),
+        radius=1.0,
+    )
+
+
+@pytest.fixture(scope="module")
+def read_by_slicer():
+    python = os.environ.get("STEREOSOM_SLICER_PYTHON")
+    if not python:
+        pytest.skip("STEREOSOM_SLICER_PYTHON names no Python with trame-slicer[standalone]")
+
+    def read(*files):
+        script = Path(__file__).with_name("slicer_read.py")
+        # Slicer's Python must not see the packages of this one.
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
+        command = [python, str(script), *map(str, files)]
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=300, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout.splitlines()[-1]), done.stderr
+
+    return read
+
+
+def test_model_and_curve(tmp_path, read_by_slicer):
+    result = helix()
+    vtp, markups = tmp_path / "centerline_0000.vtp", tmp_path / "centerline.mrk.json"
+    polydata.write_vtp(result, vtp, source_uids=("1.2.3",))
+    polydata.write_markups(result, markups)
+    seen, errors = read_by_slicer(vtp, markups)
+    assert (seen["vtk"], errors) == ("", "")
+    ours = polydata.read_vtp(vtp)
+
+    model = seen["model"]
+    assert model["read"]
+    assert model["messages"] == []
+    assert model["lines"] == 1
+    assert model["active"] == {
+        "scalars": "Abscissas",
+        "vectors": "FrenetTangent",
+        "normals": "ParallelTransportNormals",
+    }
+    np.testing.assert_allclose(model["points"], ours.points * TO_RAS, atol=1e-9)
+    assert set(model["arrays"]) == set(ours.arrays)
+    for name, array in ours.arrays.items():
+        turned = name in ("FrenetTangent", "ParallelTransportNormals")
+        wanted = array * TO_RAS if turned else array
+        np.testing.assert_allclose(model["arrays"][name], wanted, atol=1e-6, err_msg=name)
+
+    curve = seen["curve"]
+    assert curve["read"]
+    assert curve["messages"] == []
+    np.testing.assert_allclose(curve["points"], result.backbone.sample(50) * TO_RAS, atol=1e-9)
+    assert (curve["labels"][0], curve["labels"][-1]) == ("base", "tip")
+    assert curve["length"] == pytest.approx(result.backbone.length, rel=1e-3)
+    assert {"StandardDeviation", "Radius"} <= set(curve["measurements"])
+
+
+def test_a_complaint_would_be_heard(tmp_path, read_by_slicer):
+    """The control: without SPACE, 3D Slicer warns, and the test above would fail."""
+    vtp, markups = tmp_path / "centerline_0000.vtp", tmp_path / "centerline.mrk.json"
+    polydata.write_vtp(helix(), vtp)
+    polydata.write_markups(helix(), markups)
+    vtp.write_text(vtp.read_text().replace('Name="SPACE"', 'Name="PLACE"'))
+    seen, errors = read_by_slicer(vtp, markups)
+    assert "does not contain coordinate system information" in seen["vtk"] + errors
