@@ -140,9 +140,10 @@ def test_scene_of_a_file_without_pictures_or_radius(tmp_path, color_by):
     [
         StereoRig(endoscope_eye(), endoscope_eye(5.0)),
         StereoRig(xray_camera(0), xray_camera(180)),
+        None,
     ],
 )
-def test_scene_of_views_side_by_side_and_face_to_face(tmp_path, rig):
+def test_scene_of_views_side_by_side_and_face_to_face_and_of_none(tmp_path, rig):
     backbone = arc(20, 90).transformed(np.eye(3), [-5, -5, 60])
     render.scene(result(backbone=backbone), rig, tmp_path / "s.png", size=(200, 150))
     assert np.ptp(picture_of(tmp_path / "s.png")) > 0

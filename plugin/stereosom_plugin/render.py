@@ -35,7 +35,7 @@ _NARROW_DEG = 45.0
 
 def scene(
     result: Reconstruction | Centerline,
-    rig: StereoRig,
+    rig: StereoRig | None,
     path: str | Path,
     images: tuple[Image, Image] | None = None,
     *,
@@ -51,7 +51,8 @@ def scene(
     ----------
     result : Reconstruction or Centerline
         One with a backbone.
-    rig : StereoRig
+    rig : StereoRig, optional
+        Without one the device is drawn alone.
     path : path
         A `.png`, written whole or not at all.
     images : pair of arrays, optional
@@ -72,12 +73,12 @@ def scene(
     plotter = pv.Plotter(off_screen=True, window_size=list(size))
     try:
         plotter.set_background(_BACKGROUND)
-        quads = _picture_quads(line.points, rig)
+        quads = _picture_quads(line.points, rig) if rig else ()
         letter = _look(plotter, rig, np.vstack([line.points, *(quad.points for quad in quads)]))
         plotter.enable_anti_aliasing("ssaa")
         _add_device(plotter, line, rig, color_by, letter)
         for view, quad, camera, image in zip(
-            "ab", quads, (rig.a, rig.b), images or (None, None), strict=True
+            "ab", quads, (rig.a, rig.b) if rig else (), images or (None, None), strict=False
         ):
             _add_picture(plotter, view, quad, camera, image, line.points, letter)
         _add_words(plotter, line, rig, size[1])
@@ -224,7 +225,7 @@ def _add_picture(
 
 
 def _add_device(
-    plotter: Any, line: Centerline, rig: StereoRig, color_by: str, letter: float
+    plotter: Any, line: Centerline, rig: StereoRig | None, color_by: str, letter: float
 ) -> None:
     tube = _polyline(line.points)
     values = line.arrays.get(color_by)
@@ -265,7 +266,7 @@ def _add_device(
     _add_grid(plotter, line.points, rig, letter)
 
 
-def _add_grid(plotter: Any, points: Floats, rig: StereoRig, letter: float) -> None:
+def _add_grid(plotter: Any, points: Floats, rig: StereoRig | None, letter: float) -> None:
     """Draw the far walls of the device's box, ruled in round millimetres, and the numbers."""
     extent = _extent(points)
     power = 10.0 ** np.floor(np.log10(extent / 5))
@@ -301,14 +302,15 @@ def _add_grid(plotter: Any, points: Floats, rig: StereoRig, letter: float) -> No
         _add_label(plotter, title, f"{'xyz'[k]} (mm)", _GRID_INK)
 
 
-def _add_words(plotter: Any, line: Centerline, rig: StereoRig, height: int) -> None:
+def _add_words(plotter: Any, line: Centerline, rig: StereoRig | None, height: int) -> None:
     words = [f"length {line.backbone.length:.1f} mm"]
     if "StandardDeviation" in line.arrays:
         spread = line.arrays["StandardDeviation"]
         words.append(
             f"standard deviation {np.median(spread):.2f} mm, {spread[-1]:.2f} mm at the tip"
         )
-    words.append(f"frame {line.frame}, {line.time:.3f} s, views {rig.convergence_deg:.0f}° apart")
+    apart = f", views {rig.convergence_deg:.0f}° apart" if rig else ""
+    words.append(f"frame {line.frame}, {line.time:.3f} s{apart}")
     text = pv.Text("\n".join(words), position=(height // 30, height - height // 30))
     text.prop = pv.TextProperty(
         color=_INK, font_size=height // 45, font_family="arial", justification_vertical="top"
@@ -334,8 +336,11 @@ def _add_label(plotter: Any, spot: Floats, text: str, color: str) -> None:
     plotter.add_actor(label, reset_camera=False)
 
 
-def _viewpoint(rig: StereoRig) -> tuple[Floats, Floats]:
+def _viewpoint(rig: StereoRig | None) -> tuple[Floats, Floats]:
     """Look from between the sources, a little above: unit vectors of view and of up, (3,)."""
+    if rig is None:  # patients are drawn head up, from in front and a little aside
+        slope = np.hypot(1.0, 0.35)
+        return np.array([0.6, 0.8, -0.35]) / slope, np.array([0.21, 0.28, 1.0]) / slope
     towards = rig.a.axis + rig.b.axis
     if np.linalg.norm(towards) < 1e-3:  # the views face each other
         towards = rig.a.axis
@@ -354,7 +359,7 @@ def _viewpoint(rig: StereoRig) -> tuple[Floats, Floats]:
     return towards, up / np.linalg.norm(up)
 
 
-def _look(plotter: Any, rig: StereoRig, everything: Floats) -> float:
+def _look(plotter: Any, rig: StereoRig | None, everything: Floats) -> float:
     """Let the camera see (n, 3) points from the viewpoint, filling the picture.
 
     Returns the height of a line of small text, in mm amid the points.
@@ -366,7 +371,7 @@ def _look(plotter: Any, rig: StereoRig, everything: Floats) -> float:
     local = (everything - middle) @ np.column_stack([right, up, towards])
     center = (local.max(axis=0) + local.min(axis=0)) / 2 * [1, 1, 0]
     middle, local = middle + center[0] * right + center[1] * up, local - center
-    half = np.tan(np.radians(plotter.camera.view_angle / 2)) * 0.85
+    half = np.tan(np.radians(plotter.camera.view_angle / 2)) * 0.8
     aspect = plotter.window_size[0] / plotter.window_size[1]
     reach = np.maximum(np.abs(local[:, 0]) / aspect, np.abs(local[:, 1])) / half - local[:, 2]
     middle = middle + 0.08 * half * reach.max() * up  # room for the words at the top

@@ -6,10 +6,6 @@
 import json
 import sys
 
-import slicer
-from vtk import vtkOutputWindow, vtkStringOutputWindow
-from vtk.util.numpy_support import vtk_to_numpy
-
 
 def read(scene, node_class, storage_class, path):
     """Read a file as the application does: a node, its storage node, the message list."""
@@ -23,6 +19,11 @@ def read(scene, node_class, storage_class, path):
 
 def main(model_path, curve_path):
     """Print what is in memory after reading: coordinates are RAS."""
+    # Here, not above: pytest imports this file too, with a Python that has no Slicer.
+    import slicer
+    from vtk import vtkOutputWindow, vtkStringOutputWindow
+    from vtk.util.numpy_support import vtk_to_numpy
+
     window = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
     scene = slicer.vtkMRMLScene()
@@ -65,4 +66,5 @@ def main(model_path, curve_path):
     print(json.dumps({"model": seen, "curve": seen_curve, "vtk": window.GetOutput()}))
 
 
-main(*sys.argv[1:])
+if __name__ == "__main__":
+    main(*sys.argv[1:])
