@@ -262,7 +262,7 @@ def _add_device(
         plotter.add_mesh(ball, color=_INK if end else "white", specular=0.3)
         aside = np.cross(line.points[end] - line.points[inner], towards)
         aside *= np.sign(aside @ (up + np.cross(towards, up))) / np.linalg.norm(aside)
-        _add_label(plotter, line.points[end] + 2 * letter * aside, name, _INK)
+        _add_label(plotter, line.points[end] + (2 * letter + radius) * aside, name, _INK)
     _add_grid(plotter, line.points, rig, letter)
 
 
@@ -371,10 +371,10 @@ def _look(plotter: Any, rig: StereoRig | None, everything: Floats) -> float:
     local = (everything - middle) @ np.column_stack([right, up, towards])
     center = (local.max(axis=0) + local.min(axis=0)) / 2 * [1, 1, 0]
     middle, local = middle + center[0] * right + center[1] * up, local - center
-    half = np.tan(np.radians(plotter.camera.view_angle / 2)) * 0.8
+    half = np.tan(np.radians(plotter.camera.view_angle / 2)) * 0.78
     aspect = plotter.window_size[0] / plotter.window_size[1]
     reach = np.maximum(np.abs(local[:, 0]) / aspect, np.abs(local[:, 1])) / half - local[:, 2]
-    middle = middle + 0.08 * half * reach.max() * up  # room for the words at the top
+    middle = middle + 0.03 * half * reach.max() * up  # room for the words at the top
     position = middle - towards * float(reach.max())
     plotter.camera_position = [position, middle, up]
     return float(2 * half * reach.max() / _LINES)
