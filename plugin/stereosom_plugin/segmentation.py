@@ -25,8 +25,8 @@ Mask = npt.NDArray[np.bool_]
 Segment = Callable[[Image], Mask]
 
 # A metal tube takes three quarters of the light that meets its axis; blur leaves a thin one more
-# than half. Bone edges and the leads of electrodes stay below this.
-LEAST_ABSORPTION = 0.4
+# than half. Bone edges and the leads of electrodes stay below the second of these.
+LEAST_PIXEL, LEAST_AXIS = 0.4, 0.5
 # Absorption is a share, so it is the same before air and bone: it varies along a device by less
 # than this share of itself, along wires, clips and circuits by more.
 GREATEST_VARIATION = 0.07
@@ -84,7 +84,7 @@ def segment_xray(
         return np.zeros(picture.shape, dtype=bool)
     usual = np.median(absorption[field])
     noise = 1.4826 * np.median(np.abs(absorption[field] - usual))
-    dark = absorption > max(LEAST_ABSORPTION, usual + 5 * noise)
+    dark = absorption > max(LEAST_PIXEL, usual + 5 * noise)
 
     # One wide: pieces that touch at corners, or are torn by a noisy pixel, are one.
     labels = _label(dark)
@@ -93,7 +93,7 @@ def segment_xray(
     width = np.bincount(labels.ravel()) / np.maximum(length, 1)
     enters = np.bincount(labels[_rim(field)], minlength=len(length)) > 0
     # A device comes from outside. One that does not must be long to be believed.
-    plausible = (length >= np.where(enters, side / 16, side / 4)) & (length >= 5 * width)
+    plausible = (length >= np.where(enters, side / 12, side / 4)) & (length >= 6 * width)
     plausible &= width <= 1.3 * width_px
     for label in np.argsort(-length):
         if label == 0 or not plausible[label]:
@@ -101,7 +101,8 @@ def segment_xray(
         along = absorption[axes & (labels == label)]
         typical = np.median(along)
         variation = np.median(np.abs(along - typical))
-        if variation <= GREATEST_VARIATION * typical + noise / 2:
+        even = variation <= GREATEST_VARIATION * typical + noise / 3
+        if even and typical >= LEAST_AXIS:
             return _fill(absorption, labels == label, float(typical))
     return np.zeros(picture.shape, dtype=bool)
 
@@ -140,7 +141,7 @@ def warn(index: int, error: InputError) -> None:
 
 def observe(
     acquisition: Acquisition,
-    segment: Segment | None = None,
+    segment: Segment = segment_xray,
     *,
     frames: Iterable[int] | None = None,
     report: Callable[[int, InputError], None] = warn,
@@ -151,7 +152,7 @@ def observe(
     ----------
     acquisition : Acquisition
     segment : callable, optional
-        Image to mask, for both views. Default: `segment_xray` in each view's field.
+        Image to mask, for both views. `segment_xray` is told each view's field.
     frames : iterable of int, optional
         Numbers of the frames that are wanted. Default: all.
     report : callable
@@ -168,8 +169,8 @@ def observe(
     ValueError
         Where a mask has another size than its camera's picture: then all of them have.
     """
-    segment_a = segment_b = segment or segment_xray
-    if segment is None and acquisition.field_of_view is not None:
+    segment_a = segment_b = segment
+    if segment is segment_xray and acquisition.field_of_view is not None:
         segment_a, segment_b = (
             partial(segment_xray, field_of_view=corners) for corners in acquisition.field_of_view
         )
