@@ -42,6 +42,8 @@ def check_array(values: Any, name: str, shape: tuple[int | None, ...]) -> Floats
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name}: not an array of numbers ({error})") from None
+    if array.size == 0 and shape[0] is None:  # an empty list knows no columns
+        array = array.reshape(0, *(length or 0 for length in shape[1:]))
     wanted = "×".join("n" if length is None else str(length) for length in shape)
     fits = len(shape) == array.ndim and all(
         want is None or want == have for want, have in zip(shape, array.shape, strict=True)

@@ -100,13 +100,16 @@ def _agreement(view: str, backbone: Backbone, camera: Camera, pixels: Floats) ->
     count = np.bincount(nearest[inside], minlength=_SAMPLES)
     total = np.bincount(nearest[inside], offset[inside], minlength=_SAMPLES)
     seen = count > 0
-    residual = float(np.sqrt(np.mean((total[seen] / count[seen]) ** 2))) if seen.any() else np.inf
-    if not residual <= max(3.0, _FARTHEST * length):
+    if not seen.any():
+        raise HardFrame(f"view {view}: the curve that was found lies beside the device")
+    residual = float(np.sqrt(np.mean((total[seen] / count[seen]) ** 2)))
+    if residual > max(3.0, _FARTHEST * length):
         raise HardFrame(
             f"view {view}: no curve was found that follows the device "
             f"(it lies {residual:.0f} px beside it)"
         )
-    stray = float(np.mean(distance > max(5.0, 4 * float(np.median(distance)))))
+    near = max(5.0, 4 * float(np.median(distance[inside])))
+    stray = float(np.mean(distance > near))
     if stray > _MOST_STRAY:
         raise HardFrame(
             f"view {view}: {stray:.0%} of the pixels belong to no part of the curve that was found"

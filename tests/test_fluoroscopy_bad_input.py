@@ -9,6 +9,7 @@ import zlib
 import numpy as np
 import pydicom
 import pytest
+
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.fluoroscopy import read_biplane
 

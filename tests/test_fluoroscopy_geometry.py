@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.fluoroscopy import read_biplane
 from stereosom_plugin.fluoroscopy.geometry import positioner_camera

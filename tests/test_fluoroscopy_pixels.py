@@ -9,6 +9,7 @@ import subprocess
 import numpy as np
 import pydicom
 import pytest
+
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.fluoroscopy import codec, read_biplane
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.fluoroscopy import read_biplane
 

@@ -7,15 +7,15 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from stereosom_plugin import polydata
-from stereosom_plugin.errors import InputError
-from stereosom_plugin.files import sweep, write_whole
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from stereosom.backbone import Backbone
 from stereosom.reconstruction import Reconstruction
 from stereosom.synthetic import arc
+from stereosom_plugin import polydata
+from stereosom_plugin.errors import InputError
+from stereosom_plugin.files import sweep, write_whole
 
 COVARIANCE = np.array([[0.04, 0.01, 0.02], [0.01, 0.09, 0.03], [0.02, 0.03, 0.16]])
 POINT_ARRAYS = {

@@ -5,13 +5,13 @@ import sys
 
 import numpy as np
 import pytest
-from stereosom_plugin import offscreen, polydata, render
-from stereosom_plugin.errors import InputError
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from stereosom.camera import Camera, StereoRig
 from stereosom.reconstruction import Reconstruction
 from stereosom.synthetic import arc, converging_rig, silhouette
+from stereosom_plugin import offscreen, polydata, render
+from stereosom_plugin.errors import InputError
 
 WIDTH, HEIGHT = 40, 30
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stereosom_plugin import polydata
 
 from stereosom.reconstruction import Reconstruction
 from stereosom.synthetic import growing_helix
+from stereosom_plugin import polydata
 
 pytestmark = pytest.mark.interop
 TO_RAS = np.array([-1.0, -1.0, 1.0])
