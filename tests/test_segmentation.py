@@ -181,13 +181,11 @@ def test_observe_takes_the_frames_that_are_wanted():
     assert frames.read == [3, 1]
 
 
-def test_broken_frame_ends_nothing_and_is_reported():
-    told = []
-    seen = observe(acquisition(Frames(1)), binary, report=lambda *what: told.append(what))
+def test_a_broken_frame_ends_nothing_and_says_why():
+    seen = list(observe(acquisition(Frames(1)), binary))
     assert [len(one.pixels_a) for one in seen] == [1, 0, 1, 1]
-    assert [(index, error.why) for index, error in told] == [(1, "frame 1 is cut short")]
-    with pytest.warns(UserWarning, match="frame 2: a.dcm: frame 2 is cut short"):
-        list(observe(acquisition(Frames(2)), binary))
+    assert "frame 1 is cut short" in seen[1].defect
+    assert not seen[2].defect
 
 
 def test_observe_sees_nothing_in_blank_pictures_and_keeps_the_field():

@@ -6,7 +6,6 @@ Any function that maps an image to a boolean mask of its size can stand in for
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any
@@ -134,17 +133,11 @@ def binary(image: Any) -> Mask:
     return np.asarray(picture > (picture.min() + picture.max()) / 2)
 
 
-def warn(index: int, error: InputError) -> None:
-    """Say as a warning why a frame is missing."""
-    warnings.warn(f"frame {index}: {error}", UserWarning, stacklevel=3)
-
-
 def observe(
     acquisition: Acquisition,
     segment: Segment = segment_xray,
     *,
     frames: Iterable[int] | None = None,
-    report: Callable[[int, InputError], None] = warn,
 ) -> Iterator[Observation]:
     """Yield what both views saw, one frame at a time.
 
@@ -155,14 +148,12 @@ def observe(
         Image to mask, for both views. `segment_xray` is told each view's field.
     frames : iterable of int, optional
         Numbers of the frames that are wanted. Default: all.
-    report : callable
-        Is told the number of a frame that cannot be read or segmented, and why. Such a frame
-        ends nothing: its observation has no pixels. Default: a warning.
 
     Yields
     ------
     Observation
-        One per frame, in that order. A view in which no device was found has no pixels.
+        One per frame, in that order. A view in which no device was found has no pixels; where
+        a frame cannot be read or segmented, its `defect` says why, and the next one follows.
 
     Raises
     ------
@@ -179,11 +170,12 @@ def observe(
         mask_a, mask_b = (
             np.zeros(camera.image_size[::-1], dtype=bool) for camera in (rig.a, rig.b)
         )
+        defect = ""
         try:
             pair = acquisition[index]
             mask_a, mask_b = segment_a(pair.image_a), segment_b(pair.image_b)
         except InputError as error:
-            report(index, error)
+            defect = str(error)
         yield Observation.from_masks(
             mask_a,
             mask_b,
@@ -191,6 +183,7 @@ def observe(
             time=float(acquisition.times[index]),
             index=index,
             field_of_view=acquisition.field_of_view,
+            defect=defect,
         )
 
 
