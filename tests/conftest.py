@@ -36,3 +36,28 @@ def write_pair(dicom_files, tmp_path):
         return dicom_files.write_pair(tmp_path / name, **described)
 
     return write
+
+
+@pytest.fixture(scope="session")
+def sample() -> Path:
+    """The biplane study that ships."""
+    return HERE.parent / "data" / "biplane"
+
+
+@pytest.fixture(scope="session")
+def mask_case(tmp_path_factory):
+    """A folder with `a.png`, `b.png`, `rig.json`, `truth.csv` of a drawn quarter circle."""
+    import numpy as np
+    from PIL import Image
+
+    from stereosom.synthetic import arc, converging_rig, silhouette
+    from stereosom_plugin.calibration import write_rig
+
+    folder, curve, rig = tmp_path_factory.mktemp("masks"), arc(60, 90), converging_rig(60)
+    for name, camera in (("a", rig.a), ("b", rig.b)):
+        mask = silhouette(curve, 1.0, camera).astype(np.uint8) * 255
+        Image.fromarray(mask).save(folder / f"{name}.png")
+    write_rig([rig], folder / "rig.json")
+    header = "x_mm,y_mm,z_mm"
+    np.savetxt(folder / "truth.csv", curve.sample(300), delimiter=",", header=header, comments="")
+    return folder

@@ -30,7 +30,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
         run: Callable[[argparse.Namespace], int] = getattr(commands, arguments.run)
         return run(arguments)
-    except (InputError, ImportError) as error:
+    except (_WrongCall, InputError, ImportError) as error:
         return _refuse(str(error))
     except ValueError as error:  # an option that the core refuses says what, why and how
         return _refuse(f"{error}; see stereosom --help")
@@ -49,10 +49,14 @@ def main(words: Sequence[str] | None = None) -> int:
         )
 
 
+class _WrongCall(Exception):
+    """The words of the call are not understood."""
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line, as everywhere else."""
-        self.exit(2, f"stereosom: error: {message}; see {self.prog} --help\n")
+        raise _WrongCall(f"{message}; see {self.prog} --help")
 
 
 def _refuse(text: str) -> int:

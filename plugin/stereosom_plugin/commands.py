@@ -113,6 +113,7 @@ def _reconstruct(
     for note in acquisition.notes:
         print(f"stereosom: note: {note}", file=sys.stderr)
     frames = _frames(arguments.frames, len(acquisition))
+    options = _options(arguments)
     folder = OutputFolder(arguments.output, _record(acquisition, arguments))
     folder.begin(acquisition.rigs, overwrite=arguments.overwrite)
     results = reconstruct_run(
@@ -121,7 +122,7 @@ def _reconstruct(
         segment=segment,
         frames=frames,
         method=arguments.method,
-        options=_options(arguments),
+        options=options,
         sampling=Sampling(arguments.samples, arguments.spacing),
         progress=_progress(arguments),
     )
