@@ -50,8 +50,9 @@ def assess(
     HardFrame
         Where the curve does not follow the device in a view.
     """
+    points = backbone.sample(_SAMPLES)
     views = {
-        view: _agreement(view, backbone, camera, pixels)
+        view: _agreement(view, points, camera, pixels)
         for view, camera, pixels in (
             ("a", observation.rig.a, observation.pixels_a),
             ("b", observation.rig.b, observation.pixels_b),
@@ -79,13 +80,12 @@ class _Agreement:
     half_width_mm: float  # of a filled mask
 
 
-def _agreement(view: str, backbone: Backbone, camera: Camera, pixels: Floats) -> _Agreement:
-    """Compare the projected curve with the pixels of one view.
+def _agreement(view: str, points: Floats, camera: Camera, pixels: Floats) -> _Agreement:
+    """Compare the projected curve, given by equal steps of arc length, with a view's pixels.
 
     The residual at a sample of the curve is the mean offset, across the projected curve, of
     the pixels nearest to it: zero where the curve runs in the middle of the device.
     """
-    points = backbone.sample(_SAMPLES)
     if np.any(camera.depth(points) <= 0):
         raise HardFrame(f"view {view}: the curve runs behind the camera")
     curve = camera.project(points)

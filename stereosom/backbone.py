@@ -258,11 +258,14 @@ class Backbone:
         wanted = np.clip(np.atleast_1d(s), 0.0, self.length)
         span = np.clip(np.searchsorted(arc_length, wanted, side="right") - 1, 0, len(nodes) - 2)
         parameter = np.clip(self._parameter_guess(wanted), nodes[span], nodes[span + 1])
-        for _ in range(3):
+        for _ in range(4):
             reached = arc_length[span] + self._length_between(nodes[span], parameter)
             speed = np.linalg.norm(self._spline(parameter, nu=1), axis=1)
             # A speed near zero (a cusp) must not throw the step out of its span.
-            parameter = parameter + (wanted - reached) / np.maximum(speed, 1e-9 * self.length)
+            missing = wanted - reached
+            if np.abs(missing).max(initial=0.0) < 1e-11 * self.length:
+                break
+            parameter = parameter + missing / np.maximum(speed, 1e-9 * self.length)
             parameter = np.clip(parameter, nodes[span], nodes[span + 1])
         return parameter.reshape(s.shape)
 

@@ -7,6 +7,8 @@ Points and reference vectors may have any dimension: pixels in the stereo map, m
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
@@ -87,6 +89,45 @@ def train_epoch(points: Floats, references: Floats, neighborhood: int) -> tuple[
     return np.where(in_range > 0, means, references), counts
 
 
+class Trainer:
+    """Points made ready for many epochs: the same as `train_epoch`, at less than half the time.
+
+    The nearest reference vector q to a point p has the largest p·q − |q|²/2, so all distances
+    are one matrix product of the points, with a column of ones, and the reference vectors.
+
+    Parameters
+    ----------
+    points : (n, d) array
+    """
+
+    def __init__(self, points: Floats) -> None:
+        # About their middle, so that far-away coordinates lose no digits in the difference.
+        self._origin = points.mean(axis=0)
+        centered = points - self._origin
+        self._extended = np.column_stack([centered, np.ones(len(points))])
+        self._columns = [np.ascontiguousarray(column) for column in centered.T]
+
+    def epoch(self, references: Floats, neighborhood: int) -> tuple[Floats, Integers]:
+        """As `train_epoch`."""
+        k, dimensions = references.shape
+        centered = references - self._origin
+        weights = np.empty((dimensions + 1, k))
+        weights[:-1] = centered.T
+        weights[-1] = -0.5 * np.einsum("kd,kd->k", centered, centered)
+        best = (self._extended @ weights).argmax(axis=1)
+        counts = np.bincount(best, minlength=k)
+        sums = np.empty((k, dimensions + 1))
+        for axis, column in enumerate(self._columns):
+            sums[:, axis] = np.bincount(best, column, minlength=k)
+        sums[:, -1] = counts
+        sums = _range_matrix(k, neighborhood) @ sums
+        in_range = sums[:, -1:]
+        if in_range.all():
+            return sums[:, :-1] / in_range + self._origin, counts
+        means = sums[:, :-1] / np.maximum(in_range, 1.0) + self._origin
+        return np.where(in_range > 0, means, references), counts
+
+
 def adjacency_matrix(best: Integers, second: Integers, count: int) -> csr_array[np.float64]:
     """Adjacency matrix A, equation (1): how many points have best unit m and second best n.
 
@@ -135,6 +176,15 @@ def _closeness(points: Floats, references: Floats) -> Floats:
     origin = references.mean(axis=0)
     points, references = points - origin, references - origin
     return np.asarray(np.sum(references**2, axis=1) - 2 * points @ references.T)
+
+
+@lru_cache(maxsize=256)
+def _range_matrix(count: int, reach: int) -> Floats:
+    """(k, k) matrix of ones from l − reach to l + reach: a product with it sums over ranges."""
+    ones = np.ones((count, count))
+    matrix = np.tril(np.triu(ones, -reach), reach)
+    matrix.setflags(write=False)
+    return matrix
 
 
 def _sum_over_range(values: Floats, reach: int) -> Floats:

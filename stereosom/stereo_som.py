@@ -18,7 +18,7 @@ from .ends import find_ends, trim_to_shared_stretch
 from .observation import Observation
 from .options import Options
 from .reconstruction import HardFrame, Reconstruction
-from .som import adjacency_matrix, best_two_units, order_by_adjacency, train_epoch
+from .som import Trainer, adjacency_matrix, best_two_units, order_by_adjacency
 
 METHOD = "stereo-som"
 
@@ -126,7 +126,7 @@ def stereo_som(observation: Observation, *, options: Options | None = None) -> R
     seen = trim_to_shared_stretch(observation)
     points = _draw(seen, options)
     start, because = _initial_references(seen, options)
-    references = _train_until_consistent(seen.rig, points, start, options)
+    references = train_stereo_map(seen.rig, points, start, options)
     if _reversed(references, start[0]):
         references = references[::-1]
     if options.reach_ends:
@@ -196,16 +196,38 @@ def _initial_references(observation: Observation, options: StereoSomOptions) -> 
     return (1 - share) * base + share * tip, f"started between the ends of the masks; {because}"
 
 
-def _train_until_consistent(
+def train_stereo_map(
     rig: StereoRig, points: TwoViews, start: Floats, options: StereoSomOptions
 ) -> Floats:
-    """The loop of Algorithm 1: ordered reference vectors in space, (k, 3)."""
+    """The loop of Algorithm 1, lines 7 to 19: from a start to ordered reference vectors.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    points : pair of (n, 2) arrays
+        Pixels of view a and of view b.
+    start : (k, 3) array
+        Reference vectors to begin with, mm.
+    options : StereoSomOptions
+
+    Returns
+    -------
+    (k, 3) array
+        In order along the device, from one end or the other, mm: those of the pass in which
+        the views agreed best.
+
+    Raises
+    ------
+    HardFrame
+        Where training leaves fewer than three.
+    """
+    trainers = Trainer(points[0]), Trainer(points[1])
     references, best, least = start, start, np.inf
     for _ in range(options.max_iterations):
         views = rig.a.project(references), rig.b.project(references)
-        views = _train(points, views, options)
+        views = _train(trainers, views, options)
         if len(views[0]) < options.reference_vectors:
-            views = _train(points, _add_references(views, options.reference_vectors), options)
+            views = _train(trainers, _add_references(views, options.reference_vectors), options)
         views = _order(points, views)
         references = triangulate(rig, *views)
         mismatch = float(np.max(_mismatch(rig, views)))
@@ -216,19 +238,19 @@ def _train_until_consistent(
     return best
 
 
-def _train(points: TwoViews, views: TwoViews, options: StereoSomOptions) -> TwoViews:
+def _train(
+    trainers: tuple[Trainer, Trainer], views: TwoViews, options: StereoSomOptions
+) -> TwoViews:
     """Batch training in both views; reference vectors without points are removed.
 
     One that is nobody's best unit in either view leaves both, or the views would no longer
     correspond by their index.
     """
     for _ in range(options.epochs):
-        (in_a, count_a), (in_b, count_b) = (
-            train_epoch(seen, view, options.neighborhood)
-            for seen, view in zip(points, views, strict=True)
-        )
+        in_a, count_a = trainers[0].epoch(views[0], options.neighborhood)
+        in_b, count_b = trainers[1].epoch(views[1], options.neighborhood)
         used = (count_a > 0) & (count_b > 0)
-        views = in_a[used], in_b[used]
+        views = (in_a, in_b) if used.all() else (in_a[used], in_b[used])
         if len(views[0]) < 3:
             raise HardFrame(
                 "training left fewer than three reference vectors: "
