@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.spatial import cKDTree
 
 from .arrays import Floats
@@ -18,6 +19,9 @@ _SAMPLES = 200
 # there, or leaves this share of the device's pixels aside: such a curve is another one.
 _FARTHEST = 0.03
 _MOST_STRAY = 0.25
+# Nor may so much of the curve, as a share, have no pixels at all: what is seen is then not one
+# device but several things.
+_MOST_UNSEEN = 0.4
 # Below this nobody can tell a mask's edge, however well a curve happens to fit.
 _LEAST_RESIDUAL_PX = 0.1
 
@@ -90,6 +94,8 @@ def _agreement(view: str, points: Floats, camera: Camera, pixels: Floats) -> _Ag
         raise HardFrame(f"view {view}: the curve runs behind the camera")
     curve = camera.project(points)
     length = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
+    if length < 1:
+        raise HardFrame(f"view {view}: the curve that was found shows as a single point")
     distance, nearest = map(np.asarray, cKDTree(curve).query(pixels))
     direction = np.gradient(curve, axis=0)
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
@@ -103,6 +109,14 @@ def _agreement(view: str, points: Floats, camera: Camera, pixels: Floats) -> _Ag
     if not seen.any():
         raise HardFrame(f"view {view}: the curve that was found lies beside the device")
     residual = float(np.sqrt(np.mean((total[seen] / count[seen]) ** 2)))
+    # Samples may lie closer than pixels do: one is seen where a pixel lies within two.
+    reach = int(np.ceil(2 * _SAMPLES / length))
+    unseen = 1 - float(np.mean(maximum_filter1d(seen, 2 * reach + 1)))
+    if unseen > _MOST_UNSEEN:
+        raise HardFrame(
+            f"view {view}: the pixels fall into separate pieces ({unseen:.0%} of the curve that "
+            "joins them is not seen)"
+        )
     if residual > max(3.0, _FARTHEST * length):
         raise HardFrame(
             f"view {view}: no curve was found that follows the device "

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from .arrays import Booleans, Floats
 from .camera import StereoRig, triangulate
 from .observation import Kind, Observation, View
+from .options import Options
 from .reconstruction import HardFrame
 
 # A pixel is at the border of its view where no other pixel fits between.
@@ -112,6 +113,58 @@ def find_ends(observation: Observation) -> Ends:
     return Ends(first, second, because) if first_is_base else Ends(second, first, because)
 
 
+def oriented_ends(observation: Observation, options: Options) -> Ends:
+    """Both ends as `find_ends` gives them, the base as the last curve or the prior tells it.
+
+    Parameters
+    ----------
+    observation : Observation
+        Trimmed to the stretch that both views share.
+    options : Options
+        `start`, else `prior.base`, decides which end is the base.
+
+    Raises
+    ------
+    HardFrame
+        Where a view shows too little to have two ends.
+    """
+    ends = find_ends(observation)
+    if options.start is not None:
+        known, because = options.start.base, ""
+    elif options.prior.base is not None:
+        known, because = options.prior.base, "the base is the end nearest to the given one"
+    else:
+        return ends
+    base, tip = ends.base, ends.tip
+    if np.linalg.norm(tip - known) < np.linalg.norm(base - known):
+        base, tip = tip, base
+    return Ends(base, tip, because)
+
+
+def reach_ends(observation: Observation, references: Floats) -> Floats:
+    """Add to ordered points in space the ends of the masks, where they lie beyond.
+
+    Whatever averages over neighbors pulls the ends of a curve inward (the paper's Figure 5).
+
+    Parameters
+    ----------
+    observation : Observation
+    references : (k, 3) array
+        Along the device, about equally spaced, mm; at least three.
+
+    Returns
+    -------
+    (k + 2, 3) array
+    """
+    rig = observation.rig
+    added = []
+    for outermost in (references[:3], references[::-1][:3]):
+        in_a = _end_beyond(observation.pixels_a, rig.a.project(outermost))
+        in_b = _end_beyond(observation.pixels_b, rig.b.project(outermost))
+        added.append(triangulate(rig, in_a[None], in_b[None]))
+    return np.concatenate([added[0], references, added[1]])
+
+
 def mask_ends(pixels: Floats, kind: Kind = "filled", at_most: int = 800) -> Floats:
     """The two pixels that are farthest apart along the device, (2, 2).
 
@@ -151,6 +204,21 @@ def mask_ends(pixels: Floats, kind: Kind = "filled", at_most: int = 800) -> Floa
         reach = dijkstra(graph, directed=False, indices=[begin])[0]
         end = int(np.argmax(np.where(np.isfinite(reach), reach, -1)))
     return np.asarray(drawn[[begin, end]])
+
+
+def _end_beyond(pixels: Floats, outermost: Floats) -> Floats:
+    """Where the mask ends beyond the first of three projected points of a curve, (2,), px."""
+    end, inward = outermost[0], outermost[0] - outermost[2]
+    stride = float(np.linalg.norm(inward))
+    if stride == 0:
+        return np.asarray(end)
+    outward = inward / stride
+    along = (pixels - end) @ outward
+    across = np.abs((pixels - end) @ [-outward[1], outward[0]])
+    # Averaging pulls the end inward by less than two spacings, which is this stride.
+    beyond = (along > 0) & (along < 2 * stride) & (across < max(2.0, 0.25 * stride))
+    reach = float(np.percentile(along[beyond], 98)) if beyond.any() else 0.0
+    return np.asarray(end + reach * outward)
 
 
 def _is_open(observation: Observation, view: View, ends: Floats) -> Booleans:

@@ -10,6 +10,9 @@ import numpy as np
 from .arrays import Floats, check_array
 from .backbone import Backbone
 
+# What is shorter than an atom or longer than a kilometre is a slip of the finger or of the unit.
+_SHORTEST_MM, _FARTHEST_MM = 1e-7, 1e6
+
 
 @dataclass(frozen=True, eq=False)
 class Prior:
@@ -41,13 +44,15 @@ class Prior:
         for name in ("base", "direction"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, check_array(getattr(self, name), name, (3,)))
+        if self.base is not None and np.abs(self.base).max() > _FARTHEST_MM:
+            raise ValueError("base: lies more than a kilometre away; give it in mm")
         if self.direction is not None:
-            norm = float(np.linalg.norm(self.direction))
-            if norm == 0:
+            largest = float(np.abs(self.direction).max())
+            if largest == 0:
                 raise ValueError("direction: must not be zero")
-            object.__setattr__(
-                self, "direction", check_array(self.direction / norm, "direction", (3,))
-            )
+            direction = self.direction / largest  # first, so that no square under- or overflows
+            direction = direction / np.linalg.norm(direction)
+            object.__setattr__(self, "direction", check_array(direction, "direction", (3,)))
         for name in ("length", "radius"):
             check_positive(getattr(self, name), name)
 
@@ -67,7 +72,15 @@ class Options:
     start: Backbone | None = None
 
 
+def check_whole(value: Any, name: str, least: int, most: int) -> None:
+    """Raise ValueError where a value is not a whole number from `least` to `most`."""
+    if not isinstance(value, (int, np.integer)) or not least <= value <= most:
+        raise ValueError(
+            f"{name}: must be a whole number of at least {least} and at most {most}, is {value!r}"
+        )
+
+
 def check_positive(value: Any, name: str) -> None:
-    """Raise ValueError where a value is given that is not a positive, finite number."""
-    if value is not None and not (np.isfinite(value) and value > 0):
+    """Raise ValueError where a value is given that is no length in mm."""
+    if value is not None and not _SHORTEST_MM < value < _FARTHEST_MM:
         raise ValueError(f"{name}: must be a positive number of mm, is {value!r}")

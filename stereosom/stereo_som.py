@@ -16,13 +16,24 @@ from .backbone import Backbone
 from .camera import StereoRig, triangulate
 from .ends import find_ends, trim_to_shared_stretch
 from .observation import Observation
-from .options import Options
+from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
 from .som import Trainer, adjacency_matrix, best_two_units, order_by_adjacency
 
 METHOD = "stereo-som"
 
 TwoViews = tuple[Floats, Floats]
+
+# The upper ones keep a slip of the finger from running for hours.
+_BOUNDS = {
+    "reference_vectors": (3, 1000),
+    "epochs": (1, 100),
+    "points_per_view": (3, 20_000),
+    "neighborhood": (0, 1000),
+    "max_iterations": (1, 100),
+    "degree": (1, 20),
+    "seed": (0, 2**32 - 1),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,23 +83,10 @@ class StereoSomOptions(Options):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        least = {
-            "reference_vectors": 3,
-            "epochs": 1,
-            "points_per_view": 3,
-            "neighborhood": 0,
-            "max_iterations": 1,
-            "degree": 1,
-            "seed": 0,
-        }
-        for name, minimum in least.items():
-            value = getattr(self, name)
-            if value != int(value) or value < minimum:
-                raise ValueError(
-                    f"{name}: must be a whole number of at least {minimum}, is {value!r}"
-                )
-        if not self.max_mismatch > 0:
-            raise ValueError(f"max_mismatch: must be positive, is {self.max_mismatch!r}")
+        for name, (least, most) in _BOUNDS.items():
+            check_whole(getattr(self, name), name, least, most)
+        if not 0 < self.max_mismatch < np.inf:
+            raise ValueError(f"max_mismatch: must be a positive number, is {self.max_mismatch!r}")
         if self.points_per_view < self.reference_vectors:
             raise ValueError(
                 f"points_per_view: {self.points_per_view} points cannot train "
@@ -222,9 +220,9 @@ def train_stereo_map(
         Where training leaves fewer than three.
     """
     trainers = Trainer(points[0]), Trainer(points[1])
-    references, best, least = start, start, np.inf
+    references, best, least, before = start, start, np.inf, np.inf
     for _ in range(options.max_iterations):
-        views = rig.a.project(references), rig.b.project(references)
+        views = _project(rig, references)
         views = _train(trainers, views, options)
         if len(views[0]) < options.reference_vectors:
             views = _train(trainers, _add_references(views, options.reference_vectors), options)
@@ -233,9 +231,21 @@ def train_stereo_map(
         mismatch = float(np.max(_mismatch(rig, views)))
         if mismatch < least:
             best, least = references, mismatch
-        if mismatch < options.max_mismatch:
+        # A pass that changes nothing would be followed by more of the same.
+        if mismatch < options.max_mismatch or abs(mismatch - before) < 1e-9:
             break
+        before = mismatch
     return best
+
+
+def _project(rig: StereoRig, references: Floats) -> TwoViews:
+    for view, camera in (("a", rig.a), ("b", rig.b)):
+        if np.any(camera.depth(references) <= 0):
+            raise HardFrame(
+                f"reference vectors lie behind camera {view}: check the base, the direction and "
+                "the length that were given, and the rig"
+            )
+    return rig.a.project(references), rig.b.project(references)
 
 
 def _train(

@@ -138,7 +138,7 @@ def test_why_frames_could_not_be_read_is_the_reason():
         ({"epochs": 0}, "at least 1"),
         ({"neighborhood": -1}, "at least 0"),
         ({"points_per_view": 49}, "cannot train 50"),
-        ({"max_mismatch": 0.0}, "must be positive"),
+        ({"max_mismatch": 0.0}, "must be a positive"),
         ({"degree": 1.5}, "whole number"),
     ],
 )
