@@ -1,0 +1,27 @@
+"""Experiments that run again from one command: `stereosom experiment NAME --output FOLDER`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Protocol
+
+Progress = Callable[[Iterable[Any]], Iterable[Any]]
+
+
+class Experiment(Protocol):
+    """Writes its results to a folder; returns the text to print."""
+
+    def __call__(self, output: Path, *, progress: Progress = iter) -> str:
+        """Run it; `progress` wraps the longest loop, as tqdm does."""
+
+
+def _table1(output: Path, *, progress: Progress = iter) -> str:
+    """Section III and Table I of the paper, on rendered pictures of the mock-up."""
+    from .table1 import run
+
+    return run(output, progress=progress)
+
+
+EXPERIMENTS: MappingProxyType[str, Experiment] = MappingProxyType({"table1": _table1})
