@@ -123,6 +123,29 @@ def silhouette(backbone: Backbone, radius: float, camera: Camera) -> npt.NDArray
     return mask
 
 
+def painted_bands(backbone: Backbone, count: int, share: float = 0.25) -> list[Backbone]:
+    """Equal sections of a curve whose silhouettes are the bands of a device painted with them.
+
+    Parameters
+    ----------
+    backbone : Backbone
+    count : int
+        Bands; their middles lie half a pitch from either end, and a pitch apart.
+    share : float
+        Of the pitch that is painted.
+
+    Examples
+    --------
+    >>> bands = painted_bands(Backbone.through([[0, 0, 0], [0, 0, 40]]), count=4)
+    >>> [round(float(band(band.length / 2)[2]), 6) for band in bands]
+    [5.0, 15.0, 25.0, 35.0]
+    """
+    pitch = backbone.length / count
+    middles = pitch * (np.arange(count) + 0.5)
+    half = share * pitch / 2
+    return [backbone.between(float(s - half), float(s + half)) for s in middles]
+
+
 def observe(backbone: Backbone, radius: float, rig: StereoRig, time: float = 0.0) -> Observation:
     """Both silhouettes of a tube as one observation."""
     mask_a, mask_b = (silhouette(backbone, radius, camera) for camera in (rig.a, rig.b))
