@@ -10,9 +10,7 @@ _GAUSSIAN = np.outer([1, 2, 1], [1, 2, 1]) / 16
 _LAPLACIAN = np.array([[0, 1, 0], [1, -4, 1], [0, 1, 0]])
 
 
-def edge_mask(
-    image: npt.NDArray[np.uint8], threshold: float
-) -> npt.NDArray[np.bool_]:
+def edge_mask(image: npt.NDArray[np.uint8], threshold: float) -> npt.NDArray[np.bool_]:
     """Pixels along the edges of something dark before a light background.
 
     "First, we convolved our original images with a 3×3 symmetric Gaussian kernel […]. Next, we

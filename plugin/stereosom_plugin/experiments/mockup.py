@@ -275,7 +275,9 @@ def tube_mesh(
     marks = np.clip(np.ravel(bands), 0, curve.length)
     s = np.unique(np.concatenate([curve.arc_lengths(int(2 * curve.length) + 2), marks]))
     frames, angle = curve.frames(s), np.linspace(0, 2 * np.pi, around, endpoint=False)
-    normals = np.cos(angle)[:, None] * frames[:, None, 1] + np.sin(angle)[:, None] * frames[:, None, 2]
+    normals = (
+        np.cos(angle)[:, None] * frames[:, None, 1] + np.sin(angle)[:, None] * frames[:, None, 2]
+    )
     rings = curve(s)[:, None] + radius * normals
     index = np.arange(rings.shape[0] * around).reshape(-1, around)
     onward = np.roll(index, -1, axis=1)
@@ -286,7 +288,9 @@ def tube_mesh(
     painted = np.any([(middle > low) & (middle < high) for low, high in bands], axis=0)
     painted = np.broadcast_to(painted, middle.shape)
     sides.cell_data["gray"] = _rgb(np.repeat(np.where(painted, paint, gray), around))
-    faces = np.concatenate([[around], np.arange(around)[::-1], [around], np.arange(around) + around])
+    faces = np.concatenate(
+        [[around], np.arange(around)[::-1], [around], np.arange(around) + around]
+    )
     ends = pv.PolyData(rings[[0, -1]].reshape(-1, 3), faces)
     ends.cell_data["gray"] = _rgb(np.where(painted[[0, -1]], paint, gray))
     return sides, ends
