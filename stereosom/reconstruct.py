@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Protocol
 
+from .baselines import epipolar_search, marker_arcs, needle_fit, point_cloud_som, voxel_carving
 from .observation import Observation
 from .options import Options
 from .reconstruction import HardFrame, Reconstruction
@@ -23,7 +24,16 @@ class Method(Protocol):
         """Reconstruct one observation, or raise HardFrame."""
 
 
-METHODS: Mapping[str, Method] = MappingProxyType({STEREO_SOM: stereo_som})
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {
+        STEREO_SOM: stereo_som,
+        point_cloud_som.METHOD: point_cloud_som.point_cloud_som,
+        epipolar_search.METHOD: epipolar_search.epipolar_search,
+        voxel_carving.METHOD: voxel_carving.voxel_carving,
+        marker_arcs.METHOD: marker_arcs.marker_arcs,
+        needle_fit.METHOD: needle_fit.needle_fit,
+    }
+)
 DEFAULT_METHOD = STEREO_SOM
 
 

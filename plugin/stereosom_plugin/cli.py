@@ -12,6 +12,7 @@ from typing import NoReturn
 from stereosom.reconstruct import DEFAULT_METHOD, METHODS
 
 from .errors import InputError
+from .experiments import EXPERIMENTS
 
 _NOT_A_DEVICE = "Research software, not a medical device."
 _VECTOR_OPTIONS = {"--base", "--direction"}
@@ -118,6 +119,14 @@ def _parser() -> argparse.ArgumentParser:
         help="x, y, z in mm from base to tip; a folder holds truth_NNN.csv by frame",
     )  # fmt: skip
     evaluate.add_argument("--json", action="store_true", help="print JSON instead of a table")
+
+    experiment = _command(
+        commands, "experiment", "repeat a published experiment, or one of ours",
+        "stereosom experiment table1 --output table1",
+    )  # fmt: skip
+    experiment.add_argument("name", choices=sorted(EXPERIMENTS))
+    experiment.add_argument("--output", metavar="OUT", help="folder (default: the name)")
+    experiment.add_argument("--quiet", action="store_true", help="no progress")
 
     demo = _command(commands, "demo", "reconstruct and draw the study that ships", "stereosom demo")
     _add_run_options(demo, output="stereosom-demo")

@@ -23,6 +23,7 @@ from .calibration import read_rig
 from .centerline import Centerline, read_vtp
 from .errors import InputError, require
 from .evaluation import FrameErrors, evaluate
+from .experiments import EXPERIMENTS
 from .output import RECORD, RIG, OutputFolder, Row, centerline_path, read_table
 from .polydata import generator
 from .run import Sampling, describe_inputs, reconstruct_run
@@ -94,6 +95,14 @@ def demo(arguments: Arguments) -> int:
             print(_table(evaluate(arguments.output, sample)))
             print(f"\nlook at {Path(arguments.output) / 'scene.png'}")
     return code
+
+
+def experiment(arguments: Arguments) -> int:
+    """Repeat an experiment; print what it found."""
+    output = Path(arguments.output or arguments.name)
+    progress = _progress(arguments, arguments.name)
+    print(EXPERIMENTS[arguments.name](output, progress=progress))
+    return 0
 
 
 def sample_folder() -> Any:
@@ -217,14 +226,16 @@ def _frames(wanted: tuple[int | None, int | None] | None, count: int) -> range:
     return frames
 
 
-def _progress(arguments: Arguments) -> Callable[[Iterable[int]], Iterable[int]]:
+def _progress(
+    arguments: Arguments, does: str = "reconstructing"
+) -> Callable[[Iterable[Any]], Iterator[Any]]:
     """A bar on a terminal; nothing in a pipe."""
     if arguments.quiet or not sys.stderr.isatty():
         return iter
     bar = require("tqdm", "fluoroscopy").tqdm
 
-    def shown(frames: Iterable[int]) -> Iterator[int]:
-        return iter(bar(list(frames), desc="reconstructing", unit="frame"))
+    def shown(steps: Iterable[Any]) -> Iterator[Any]:
+        return iter(bar(list(steps), desc=does))
 
     return shown
 
