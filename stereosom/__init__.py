@@ -6,6 +6,7 @@ the `Backbone` that is found, and the `Reconstruction` that says how sure it is.
 
 from .backbone import Backbone
 from .camera import Camera, StereoRig, triangulate
+from .joint_spline import JointSplineOptions
 from .observation import Observation
 from .options import Options, Prior
 from .reconstruct import DEFAULT_METHOD, METHODS, reconstruct, track
@@ -17,6 +18,7 @@ __all__ = [
     "METHODS",
     "Backbone",
     "Camera",
+    "JointSplineOptions",
     "Observation",
     "Options",
     "Prior",

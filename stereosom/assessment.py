@@ -30,7 +30,8 @@ def assess(
     backbone: Backbone,
     observation: Observation,
     *,
-    end_deviation: float,
+    end_deviation: float = 0.0,
+    covariance: Floats | None = None,
     method: str,
     reason: str = "",
     radius: float | None = None,
@@ -44,6 +45,8 @@ def assess(
         What the curve was made of.
     end_deviation : float
         Standard deviation of both ends along the curve, mm.
+    covariance : (n, 3, 3) array, optional
+        Where the method knows it, mm². Default: `curve_covariance` of the residuals.
     method, reason : str
         As in `Reconstruction`.
     radius : float, optional
@@ -65,6 +68,8 @@ def assess(
     if radius is None and observation.kind == "filled":
         radius = float(np.mean([agreement.half_width_mm for agreement in views.values()]))
     residuals = (views["a"].residual, views["b"].residual)
+    if covariance is None:
+        covariance = curve_covariance(backbone, observation, residuals, end_deviation)
     return Reconstruction(
         index=observation.index,
         time=observation.time,
@@ -72,7 +77,7 @@ def assess(
         reason=reason,
         method=method,
         backbone=backbone,
-        covariance=curve_covariance(backbone, observation, residuals, end_deviation),
+        covariance=covariance,
         residuals=residuals,
         radius=radius,
     )
@@ -101,13 +106,15 @@ def _agreement(view: str, points: Floats, camera: Camera, pixels: Floats) -> _Ag
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
     normal = np.column_stack([-direction[:, 1], direction[:, 0]])
     offset = np.sum((pixels - curve[nearest]) * normal[nearest], axis=1)
-    # Pixels beyond an end belong to no place along the curve.
+    # Pixels beyond an end belong to no place along the curve, and dirt far from it to none at all.
     inside = (nearest > 0) & (nearest < _SAMPLES - 1)
+    if not inside.any():
+        raise HardFrame(f"view {view}: the curve that was found lies beside the device")
+    near = max(5.0, 4 * float(np.median(distance[inside])))
+    inside &= distance <= near
     count = np.bincount(nearest[inside], minlength=_SAMPLES)
     total = np.bincount(nearest[inside], offset[inside], minlength=_SAMPLES)
     seen = count > 0
-    if not seen.any():
-        raise HardFrame(f"view {view}: the curve that was found lies beside the device")
     residual = float(np.sqrt(np.mean((total[seen] / count[seen]) ** 2)))
     # Samples may lie closer than pixels do: one is seen where a pixel lies within two.
     reach = int(np.ceil(2 * _SAMPLES / length))
@@ -122,7 +129,6 @@ def _agreement(view: str, points: Floats, camera: Camera, pixels: Floats) -> _Ag
             f"view {view}: no curve was found that follows the device "
             f"(it lies {residual:.0f} px beside it)"
         )
-    near = max(5.0, 4 * float(np.median(distance[inside])))
     stray = float(np.mean(distance > near))
     if stray > _MOST_STRAY:
         raise HardFrame(

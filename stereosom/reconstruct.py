@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Protocol
 
+from . import joint_spline
 from .baselines import epipolar_search, marker_arcs, needle_fit, point_cloud_som, voxel_carving
 from .observation import Observation
 from .options import Options
@@ -26,6 +27,7 @@ class Method(Protocol):
 
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
+        joint_spline.METHOD: joint_spline.joint_spline,
         STEREO_SOM: stereo_som,
         point_cloud_som.METHOD: point_cloud_som.point_cloud_som,
         epipolar_search.METHOD: epipolar_search.epipolar_search,
@@ -34,7 +36,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         needle_fit.METHOD: needle_fit.needle_fit,
     }
 )
-DEFAULT_METHOD = STEREO_SOM
+DEFAULT_METHOD = joint_spline.METHOD
 
 
 def reconstruct(

@@ -364,8 +364,8 @@ def test_a_folder_of_masks_with_an_empty_frame(mask_case, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--nodes", "2"], "at least 3"),
-        (["--nodes", "900"], "cannot train 900"),
+        (["--method", "stereo-som", "--nodes", "2"], "at least 3"),
+        (["--method", "stereo-som", "--nodes", "900"], "cannot train 900"),
         (["--length", "-5"], "positive"),
         (["--direction", "0,0,0"], "must not be zero"),
         (["--base", "1,2"], "not X,Y,Z"),

@@ -158,7 +158,11 @@ def _add_run_options(parser: argparse.ArgumentParser, output: str | None = None)
     )  # fmt: skip
     parser.add_argument("--method", default=DEFAULT_METHOD, choices=sorted(METHODS))
     parser.add_argument(
-        "--nodes", type=int, default=50, metavar="K", help="reference vectors (default: 50)"
+        "--nodes",
+        type=int,
+        default=50,
+        metavar="K",
+        help="reference vectors of stereo-som (default: 50)",
     )
     prior = parser.add_argument_group("what is known beforehand")
     prior.add_argument("--base", type=_vector, metavar="X,Y,Z", help="where it begins, mm")

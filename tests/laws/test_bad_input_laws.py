@@ -46,7 +46,11 @@ def test_any_options_give_a_result_or_one_clear_error(seen, prior, chosen):
     started = time.monotonic()
     refusal = result = None
     try:
-        result = reconstruct(seen, options=StereoSomOptions(prior=Prior(**prior), **chosen))
+        result = reconstruct(
+            seen,
+            method="stereo-som",
+            options=StereoSomOptions(prior=Prior(**prior), **chosen),
+        )
     except ValueError as error:
         refusal = str(error)
     if refusal is not None:
@@ -101,8 +105,11 @@ def test_garbage_for_masks_fails_with_its_reason(seed, share, smoothing):
     for _ in "ab":
         noise = ndimage.gaussian_filter(rng.random((768, 1024)), smoothing)
         masks.append(noise > np.quantile(noise, 1 - share))
-    result = reconstruct(Observation.from_masks(*masks, RIG))
-    if result.ok:
-        assert np.isfinite(result.backbone.sample(20)).all()
-    else:
-        assert result.reason
+    for method in ("joint-spline", "stereo-som"):
+        started = time.monotonic()
+        result = reconstruct(Observation.from_masks(*masks, RIG), method=method)
+        assert time.monotonic() - started < 20
+        if result.ok:
+            assert np.isfinite(result.backbone.sample(20)).all()
+        else:
+            assert result.reason

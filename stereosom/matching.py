@@ -1,0 +1,151 @@
+"""Which places of two middle lines show one point: epipolar matching along both lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Floats, Integers
+from .camera import Camera, StereoRig, triangulate
+from .reconstruction import HardFrame
+
+# Costs, px². A step along one line only, and a point of either end that has no partner.
+_ONE_SIDED, _UNMATCHED = 0.5, 25.0
+
+
+@dataclass(frozen=True, eq=False)
+class Matching:
+    """Matched places (m,) of line a and line b, both not decreasing, and the cost, px²."""
+
+    in_a: Integers
+    in_b: Integers
+    cost: float
+
+
+def match_monotone(height_a: Floats, height_b: Floats) -> Matching:
+    """Match two sequences in order, so that matched values differ least (dynamic programming).
+
+    Ends may stay unmatched, at a price: one view may see farther than the other.
+
+    Parameters
+    ----------
+    height_a : (n,) array
+    height_b : (m,) array
+        Epipolar angle along each line, times the focal length, px.
+
+    Returns
+    -------
+    Matching
+        The cost is the mean over all places of both lines.
+
+    Notes
+    -----
+    H. Sakoe, S. Chiba, "Dynamic programming algorithm optimization for spoken word
+    recognition", IEEE Transactions on Acoustics, Speech, and Signal Processing 26(1), 1978.
+
+    Examples
+    --------
+    >>> matching = match_monotone(np.array([0.0, 10, 20]), np.array([0.0, 20, 40]))
+    >>> list(zip(matching.in_a.tolist(), matching.in_b.tolist()))
+    [(0, 0), (1, 0), (2, 1)]
+    """
+    n, m = len(height_a), len(height_b)
+    difference = (height_a[:, None] - height_b) ** 2
+    total = np.empty((n, m))
+    skipped_b = np.arange(m) * _UNMATCHED
+    for i in range(n):
+        if i == 0:
+            arrive = skipped_b.copy()
+        else:
+            arrive = total[i - 1] + _ONE_SIDED
+            arrive[1:] = np.minimum(arrive[1:], total[i - 1, :-1])
+            arrive[0] = min(arrive[0], i * _UNMATCHED)
+        # Going on along b adds up: the best place to have come in, by a running minimum.
+        along = np.cumsum(difference[i] + _ONE_SIDED)
+        total[i] = np.minimum.accumulate(arrive + difference[i] - along) + along
+    last_a = total[:, -1] + np.arange(n)[::-1] * _UNMATCHED
+    last_b = total[-1] + skipped_b[::-1]
+    i, j = n - 1, m - 1
+    if last_a.min() < last_b.min():
+        i = int(np.argmin(last_a))
+    else:
+        j = int(np.argmin(last_b))
+    cost = min(float(last_a.min()), float(last_b.min())) / (n + m)
+    pairs = [(i, j)]
+    while True:
+        here = total[i, j] - difference[i, j]
+        ways = []
+        if i and j:
+            ways.append((total[i - 1, j - 1], i - 1, j - 1))
+        if i:
+            ways.append((total[i - 1, j] + _ONE_SIDED, i - 1, j))
+        if j:
+            ways.append((total[i, j - 1] + _ONE_SIDED, i, j - 1))
+        begun = min(float(i if j == 0 else np.inf), float(j if i == 0 else np.inf)) * _UNMATCHED
+        best = min(ways, default=(np.inf, 0, 0))
+        if begun <= best[0] or here < best[0] - 1e-6 * (1 + abs(here)):
+            break
+        _, i, j = best
+        pairs.append((i, j))
+    in_a, in_b = np.array(pairs[::-1], dtype=np.intp).T
+    return Matching(in_a, in_b, cost)
+
+
+def space_curve(rig: StereoRig, line_a: Floats, line_b: Floats) -> tuple[Floats, float]:
+    """Points in space along two middle lines, in order, and the cost of their matching.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    line_a, line_b : (n, 2) array
+        From end to end, px; line b may run either way.
+
+    Returns
+    -------
+    (m, 3) array, mm; float, px²
+
+    Raises
+    ------
+    HardFrame
+        Where too little of both lines matches.
+    """
+    focal = (rig.a.focal_length + rig.b.focal_length) / 2
+    height_a = rig.epipolar_angle(rig.a, line_a) * focal
+    height_b = rig.epipolar_angle(rig.b, line_b) * focal
+    same, turned = match_monotone(height_a, height_b), match_monotone(height_a, height_b[::-1])
+    matching = same
+    if turned.cost < same.cost:
+        matching, line_b = turned, line_b[::-1]
+    if len(np.unique(matching.in_a)) < 8 or len(np.unique(matching.in_b)) < 8:
+        raise HardFrame("the two views do not show the same device: their lines do not match")
+    points = triangulate(rig, line_a[matching.in_a], line_b[matching.in_b])
+    first_a, last_a = matching.in_a[[0, -1]]
+    first_b, last_b = matching.in_b[[0, -1]]
+    before = [(rig.a, line_a[:first_a][::-1]), (rig.b, line_b[:first_b][::-1])]
+    after = [(rig.a, line_a[last_a + 1 :]), (rig.b, line_b[last_b + 1 :])]
+    for camera, pixels in before:
+        points = _go_on(points[::-1], camera, pixels)[::-1]
+    for camera, pixels in after:
+        points = _go_on(points, camera, pixels)
+    return points, matching.cost
+
+
+def _go_on(points: Floats, camera: Camera, pixels: Floats) -> Floats:
+    """Add the points, straight on from the last ones, that one view alone sees as `pixels`."""
+    if len(pixels) == 0:
+        return points
+    tail = points[-min(len(points), 16) :]
+    heading = tail[-1] - tail[0]
+    norm = float(np.linalg.norm(heading))
+    if norm == 0:
+        return points
+    heading = heading / norm
+    rays = camera.rays(pixels)
+    cosine = rays @ heading
+    sine_squared = 1 - cosine**2
+    between = points[-1] - camera.center
+    reach = (rays @ between - cosine * (heading @ between)) / np.maximum(sine_squared, 1e-9)
+    added = camera.center + reach[:, None] * rays
+    # Seen nearly end-on, straight on could be anywhere.
+    return np.vstack([points, added[sine_squared > 0.04]])

@@ -1,0 +1,119 @@
+"""The device's middle line in one view, from end to end, in order: `middle_line`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from ..arrays import Booleans, Floats
+from ..reconstruction import HardFrame
+from .graph import prune, skeleton_chains
+from .route import longest_route
+from .thinning import thin
+
+__all__ = ["MiddleLine", "middle_line"]
+
+# Thinning takes a step per pixel of half the width; so many pixels of width are enough.
+_THIN_WIDTH = 5.0
+# Pieces smaller than this share of the largest are dirt.
+_SMALLEST_PIECE = 0.05
+# A ragged mask of one device has some dozens; pruning takes the square of it.
+_MOST_BRANCHES = 500
+
+
+@dataclass(frozen=True, eq=False)
+class MiddleLine:
+    """Points (n, 2) at equal steps along the middle of the device, px, and its width, px."""
+
+    points: Floats
+    width: float
+
+
+def middle_line(pixels: Floats, count: int = 120) -> MiddleLine:
+    """Find the way of a device through its mask.
+
+    The mask is thinned; short dead ends are roughness and are taken off; where the device
+    crosses itself the way goes straight on, and gaps are bridged where it goes on behind them.
+
+    Parameters
+    ----------
+    pixels : (n, 2) array
+        Of a filled mask, in any order.
+    count : int
+        Number of points.
+
+    Returns
+    -------
+    MiddleLine
+        It ends about half a width before the device does.
+
+    Raises
+    ------
+    HardFrame
+        Where the mask holds no line.
+    """
+    mask, corner, factor = _small_mask(pixels)
+    mask = _fill_holes(_drop_dirt(mask), 4 * _THIN_WIDTH**2)
+    skeleton = thin(mask)
+    width = float(mask.sum()) / max(float(skeleton.sum()), 1.0)
+    chains = skeleton_chains(skeleton)
+    if len(chains) > _MOST_BRANCHES:
+        raise HardFrame(f"the mask is no device: it branches into {len(chains)} pieces")
+    route = longest_route(prune(chains, width), width)
+    if len(route) < 2:
+        raise HardFrame("the mask holds no line that could be a device")
+    points = (route[:, ::-1] + 0.5) * factor - 0.5 + corner
+    return MiddleLine(_smooth(points, count, 0.7 * width * factor), width * factor)
+
+
+def _small_mask(pixels: Floats) -> tuple[Booleans, Floats, int]:
+    """The mask, cut out and made small, (rows, columns); its corner (x, y); the factor."""
+    corner = np.floor(pixels.min(axis=0)) - 1
+    column, row = np.rint(pixels - corner).astype(int).T
+    mask = np.zeros((row.max() + 2, column.max() + 2), dtype=bool)
+    mask[row, column] = True
+    edges = np.count_nonzero(mask[1:] != mask[:-1]) + np.count_nonzero(mask[:, 1:] != mask[:, :-1])
+    # Steps along rows and columns are 4/π longer than the outline, on the mean over directions.
+    width = 2 * len(pixels) / max(edges * np.pi / 4, 1.0)
+    factor = max(1, int(width / _THIN_WIDTH))
+    if factor > 1:
+        rows, columns = (-(-length // factor) for length in mask.shape)
+        blocks = np.zeros((rows * factor, columns * factor), dtype=np.uint8)
+        blocks[: mask.shape[0], : mask.shape[1]] = mask
+        filled = blocks.reshape(rows, factor, columns, factor).sum(axis=(1, 3))
+        mask = np.pad(filled > factor**2 / 2, 1)
+        corner = corner - factor
+    return mask, corner, factor
+
+
+def _drop_dirt(mask: Booleans) -> Booleans:
+    label, count = ndimage.label(mask, np.ones((3, 3)))
+    if count < 2:
+        return mask
+    size = np.bincount(label.ravel())
+    size[0] = 0
+    return np.asarray((size >= _SMALLEST_PIECE * size.max())[label])
+
+
+def _fill_holes(mask: Booleans, smaller_than: float) -> Booleans:
+    label, count = ndimage.label(~mask)
+    if count < 2:
+        return mask
+    return np.asarray(mask | (np.bincount(label.ravel()) < smaller_than)[label])
+
+
+def _smooth(points: Floats, count: int, sigma: float) -> Floats:
+    """Equal steps along a polyline (n, 2), smoothed by a Gaussian of `sigma` px."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    reach = np.concatenate([[0.0], np.cumsum(steps)])
+    even = np.linspace(0.0, reach[-1], count)
+    line = np.column_stack([np.interp(even, reach, axis) for axis in points.T])
+    # Continued beyond its ends point by point mirrored, so that smoothing does not shorten it.
+    sigma = min(sigma / even[1], count / 8)
+    margin = min(int(4 * sigma) + 1, count - 1)
+    before = 2 * line[0] - line[margin:0:-1]
+    after = 2 * line[-1] - line[-2 : -margin - 2 : -1]
+    smooth = ndimage.gaussian_filter1d(np.vstack([before, line, after]), sigma, axis=0)
+    return np.asarray(smooth[margin:-margin])
