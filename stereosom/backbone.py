@@ -210,6 +210,9 @@ class Backbone:
         normals[0] = normal / np.linalg.norm(normal)
         for i in range(len(fine) - 1):
             chord = points[i + 1] - points[i]
+            if chord @ chord == 0:  # arc lengths that differ by rounding alone
+                normals[i + 1] = normals[i]
+                continue
             reflected = normals[i] - 2 * (chord @ normals[i]) / (chord @ chord) * chord
             tangent = tangents[i] - 2 * (chord @ tangents[i]) / (chord @ chord) * chord
             turn = tangents[i + 1] - tangent

@@ -80,6 +80,11 @@ def test_frames_are_orthonormal_and_do_not_twist():
     assert np.abs(np.sum(change * frames[:, 2], axis=1))[2:-2].max() < 1e-4
 
 
+def test_frames_survive_arc_lengths_that_differ_by_rounding():
+    s = arc().arc_lengths(400)
+    assert np.isfinite(arc().frames(np.sort(np.concatenate([s, np.nextafter(s[:-1], 1e9)])))).all()
+
+
 def test_a_planar_curve_keeps_its_normal():
     frames = arc().frames(arc().arc_lengths(10))
     in_plane = np.abs(frames[:, 1:, 1]).max(axis=1)

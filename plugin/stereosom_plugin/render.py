@@ -237,6 +237,8 @@ def _add_device(
         scalars=None if values is None else color_by,
         color=_INK if values is None else None,
         cmap="viridis",
+        # A single sharp place, at an end perhaps, must not take all the colors.
+        clim=None if values is None else np.percentile(values, (3, 97)).tolist(),
         smooth_shading=True,
         specular=0.3,
         scalar_bar_args={

@@ -26,6 +26,8 @@ _MOST_PIXELS = 300_000
 _PATH_POINTS = 800
 # A path that leaps over this share of its length joins what does not belong together.
 _LONGEST_LEAP = 0.3
+# A curve lies no farther beside the device than this share of the device's extent, RMS.
+_FARTHEST = 0.02
 
 
 def begin(observation: Observation, options: Options) -> tuple[Observation, Ends]:
@@ -103,7 +105,7 @@ def finish(
     first, last = np.linalg.norm(references[[0, -1]] - ends.base, axis=1)
     references = reach_ends(observation, references if first <= last else references[::-1])
     curve = Backbone.fit_spline(references, segments=6)
-    return assess(
+    result = assess(
         curve,
         observation,
         end_deviation=curve.length / (len(references) - 1),
@@ -111,6 +113,17 @@ def finish(
         reason=ends.because,
         radius=options.prior.radius,
     )
+    assert result.residuals is not None
+    for view, residual, pixels in zip(
+        "ab", result.residuals, (observation.pixels_a, observation.pixels_b), strict=True
+    ):
+        # A path that winds through noise is long enough to hide its residual in its length.
+        if residual > max(3.0, _FARTHEST * float(np.linalg.norm(np.ptp(pixels, axis=0)))):
+            raise HardFrame(
+                f"view {view}: no curve was found that follows the device "
+                f"(it lies {residual:.0f} px beside it)"
+            )
+    return result
 
 
 def thinned(points: Floats, at_most: int) -> Floats:
@@ -126,7 +139,7 @@ def thinned(points: Floats, at_most: int) -> Floats:
     array([0., 3., 5., 7.])
     """
     points = points[np.lexsort(points.T)]
-    cell = float(np.ptp(points, axis=0).max()) / at_most
+    cell = float(np.ptp(points, axis=0).max()) / at_most or 1.0
     while len(points) > at_most:
         cells = np.floor((points - points.min(axis=0)) / cell)
         _, first = np.unique(cells, axis=0, return_index=True)
@@ -169,6 +182,8 @@ def path_between(points: Floats, ends: Ends) -> Floats:
     HardFrame
         Where the cloud lies in one place, or falls into pieces.
     """
+    if len(points) < 3:
+        raise HardFrame(f"the views agree on {len(points)} points in front of both cameras")
     drawn = thinned(points, _PATH_POINTS)
     if len(drawn) < 3 or not np.ptp(drawn, axis=0).any():
         raise HardFrame("the points that both views agree on lie in one place")

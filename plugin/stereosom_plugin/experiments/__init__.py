@@ -24,4 +24,13 @@ def _table1(output: Path, *, progress: Progress = iter) -> str:
     return run(output, progress=progress)
 
 
-EXPERIMENTS: MappingProxyType[str, Experiment] = MappingProxyType({"table1": _table1})
+def _methods(output: Path, *, progress: Progress = iter) -> str:
+    """Every method on the same masks."""
+    from .methods import run
+
+    return run(output, progress=progress)
+
+
+EXPERIMENTS: MappingProxyType[str, Experiment] = MappingProxyType(
+    {"methods": _methods, "table1": _table1}
+)

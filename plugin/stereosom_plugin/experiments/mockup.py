@@ -225,7 +225,7 @@ def render(camera: Camera, fill: Any, *, background: int, oversampling: int = 3)
     finally:
         plotter.close()
     blocks = fine.reshape(height, oversampling, width, oversampling)
-    return np.round(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    return np.asarray(np.round(blocks.mean(axis=(1, 3))).astype(np.uint8))
 
 
 def point_camera(eye: Any, camera: Camera, depths: tuple[float, float]) -> None:

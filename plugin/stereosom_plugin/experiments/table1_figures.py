@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from stereosom.arrays import Floats
 from stereosom.backbone import Backbone
@@ -63,7 +64,8 @@ def draw(output: Path, cases: Sequence[Case], runs: Sequence[Run]) -> None:
         _views(output / "figure5.png", cases[0], of_first_pose(50))
         _curves(output / "figure6.png", cases[0], [of_first_pose(k) for k in (20, 50, 100)])
         worst = max(paper_like, key=lambda run: (run.backward > 0, run.error))
-        _why_ordering(output / "why_ordering.png", cases, worst, of_first_pose(50))
+        sound, crowded = of_first_pose(50), of_first_pose(100)
+        _why_ordering(output / "why_ordering.png", cases[0], sound, crowded, worst)
         _why_ends(output / "why_ends.png", cases, paper_like, counts)
         _why_depth(output / "why_depth.png")
 
@@ -106,7 +108,7 @@ def _adjacency(path: Path, case: Case, run: Run) -> None:
 
 def _edges(path: Path, case: Case) -> None:
     """Figure 3: a camera's picture, and its edges."""
-    figure = _figure(6.6, 2.9)
+    figure = _figure(7.2, 2.1)
     left, right = figure.subplots(1, 2)
     height, width = case.images[0].shape
     left.imshow(case.images[0], cmap="gray", vmin=0, vmax=255)
@@ -126,9 +128,13 @@ def _edges(path: Path, case: Case) -> None:
 
 def _views(path: Path, case: Case, run: Run) -> None:
     """Figure 5: data points and projected reference vectors in both views."""
-    figure = _figure(6.6, 4.6)
+    figure = _figure(6.0, 5.4)
     for axes, view, camera, points in zip(
-        figure.subplots(2, 1), "ab", (case.rig.a, case.rig.b), case.points, strict=True
+        figure.subplots(2, 1, sharex=True, sharey=True),
+        "ab",
+        (case.rig.a, case.rig.b),
+        case.points,
+        strict=True,
     ):
         axes.plot(*points.T, ".", ms=2.5, color=PALE, label="data point")
         axes.plot(
@@ -138,16 +144,17 @@ def _views(path: Path, case: Case, run: Run) -> None:
         ends = camera.project(case.truth([0.0, case.truth.length]))
         axes.plot(*ends.T, "x", ms=6, color=ORANGE, label="true end of the backbone")
         axes.set(title=f"view {view}", aspect="equal", ylabel="y (px)")
-        axes.invert_yaxis()
+    axes.invert_yaxis()  # both: they share it
     axes.set_xlabel("x (px)")
-    figure.axes[0].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     _save(figure, path)
 
 
 def _curves(path: Path, case: Case, runs: Sequence[Run]) -> None:
     """Figure 6: reference vectors, fitted curve and truth in space."""
-    figure = figures.Figure(figsize=(7.4, 3.5), dpi=160)
-    figure.subplots_adjust(left=0.0, right=0.97, bottom=0.1, top=0.95, wspace=0.06)
+    figure = figures.Figure(figsize=(9.6, 3.3), dpi=160)
+    figure.subplots_adjust(left=0.0, right=0.98, bottom=0.1, top=0.92, wspace=0.02)
     base = case.truth.base
     for place, run in enumerate(runs, 1):
         axes = figure.add_subplot(1, len(runs), place, projection="3d")
@@ -162,10 +169,10 @@ def _curves(path: Path, case: Case, runs: Sequence[Run]) -> None:
         ):
             x, y, z = (points - base).T
             axes.plot(z, y, x, **style)
-        axes.set_title(f"{run.count} reference vectors: {run.error:.2f} mm", y=0.98)
-        axes.set(xlabel="z (mm)", ylabel="y (mm)", zlabel="x (mm)" if place == len(runs) else "")
+        axes.set_title(f"{run.count} reference vectors: {run.error:.2f} mm", loc="center", y=1.0)
+        axes.set(xlabel="z (mm)", ylabel="y (mm)", zlabel="x (mm)")
         axes.set_aspect("equal")
-        axes.view_init(elev=24, azim=-62)
+        axes.view_init(elev=28, azim=-58)
         axes.tick_params(labelsize=7, pad=-2)
         axes.locator_params(nbins=4)
         for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
@@ -179,38 +186,38 @@ def _curves(path: Path, case: Case, runs: Sequence[Run]) -> None:
 # ---- why it fails where it fails -----------------------------------------------------
 
 
-def _why_ordering(path: Path, cases: Sequence[Case], worst: Run, sound: Run) -> None:
-    """Two edges: many reference vectors alternate between them, and the order folds."""
+def _why_ordering(path: Path, case: Case, sound: Run, crowded: Run, worst: Run) -> None:
+    """Two edges: many reference vectors alternate between them, and the order breaks.
+
+    `sound` and `crowded` are of `case`; `worst` may be of any pose.
+    """
     figure = _figure(9.2, 3.3)
     axes = figure.subplots(1, 3)
-    case = cases[worst.pose]
-    middle = case.rig.a.project(worst.references)
-    at = middle[np.argmin(np.abs(worst.arc_lengths - 0.45 * case.truth.length))]
-    for panel, run, shown in ((axes[0], sound, cases[sound.pose]), (axes[1], worst, case)):
-        references = shown.rig.a.project(run.references)
-        centre = at if run is worst else references[len(references) // 2]
-        panel.plot(*shown.edges[0].T, ",", color=PALE)
-        panel.plot(*shown.points[0].T, ".", ms=4, color=ORANGE, label="data point")
+    center = case.rig.a.project(case.truth([0.45 * case.truth.length]))[0]
+    for panel, run in zip(axes, (sound, crowded), strict=False):
+        references = case.rig.a.project(run.references)
+        panel.plot(*case.points[0].T, ".", ms=4, color=ORANGE, label="data point")
         panel.plot(
             *references.T, "-o", ms=4, lw=1, color=BLUE, mfc="white", label="reference vectors"
         )
         panel.set(
-            xlim=centre[0] + np.array([-55, 55]),
-            ylim=centre[1] + np.array([45, -45]),
-            aspect="equal",
-            title=f"{run.count} reference vectors",
-            xlabel="x (px)",
-        )
+            xlim=center[0] + np.array([-45, 45]), ylim=center[1] + np.array([45, -45]),
+            aspect="equal", xlabel="x (px)",
+            title=f"{run.count}: {run.backward} steps lead backward",
+        )  # fmt: skip
     axes[0].set_ylabel("y (px), view a")
-    axes[0].legend(loc="best", handlelength=1.2)
-    axes[2].plot(np.arange(1, len(sound.references) + 1) / len(sound.references),
-                 sound.arc_lengths, "-", color=PALE, lw=2, label=f"{sound.count}: "
-                 f"{sound.error:.1f} mm")  # fmt: skip
-    axes[2].plot(np.arange(1, len(worst.references) + 1) / len(worst.references),
-                 worst.arc_lengths, "-o", ms=2.5, lw=0.8, color=BLUE, label=f"{worst.count}: "
-                 f"{worst.error:.1f} mm")  # fmt: skip
-    axes[2].set(xlabel="place in the order (share)", ylabel="true arc length (mm)")
-    axes[2].set_title("the order that was found")
+    axes[0].legend(loc="upper right", handlelength=1.2, borderaxespad=0)
+    for run, style in (
+        (sound, {"color": PALE, "lw": 2}),
+        (worst, {"color": BLUE, "lw": 0.8, "marker": "o", "ms": 2.5}),
+    ):
+        share = np.linspace(0, 1, len(run.references))
+        label = f"{run.count}: error {run.error:.1f} mm"
+        axes[2].plot(share, run.arc_lengths, label=label, **style)
+    axes[2].set(
+        xlabel="place in the order (share)", ylabel="true arc length (mm)",
+        title="the order, in the worst run",
+    )  # fmt: skip
     axes[2].legend(loc="best")
     _save(figure, path)
 
@@ -222,23 +229,28 @@ def _why_ends(
     figure = _figure(5.6, 3.4)
     axes = figure.subplots()
     length = cases[0].truth.length
-    for name, color, marker, short in (
-        ("base", BLUE, "o", lambda run: run.arc_lengths.min()),
-        ("tip", ORANGE, "D", lambda run: length - run.arc_lengths.max()),
-    ):
-        per_count = [[short(run) for run in runs if run.count == k] for k in counts]
+    for name, color, marker in (("base", BLUE, "o"), ("tip", ORANGE, "D")):
+        per_count = [
+            [
+                run.arc_lengths.min() if name == "base" else length - run.arc_lengths.max()
+                for run in runs
+                if run.count == k
+            ]
+            for k in counts
+        ]
         axes.errorbar(
             counts, [np.mean(values) for values in per_count],
             [np.std(values) for values in per_count],
             fmt=marker, ms=5, color=color, capsize=2, label=f"{name}, mean ± std over the poses",
         )  # fmt: skip
-    dense = np.arange(min(counts), max(counts) + 1)
-    spacing = length / dense
-    axes.plot(dense, spacing, ":", color=PALE, label="one spacing, length / k")
-    axes.plot(
-        dense, [end_shrinkage(k, length) for k in dense], "-", color=INK, lw=1,
-        label="equation (2) on evenly filled straight line, n = 1",
-    )  # fmt: skip
+    dense = range(min(counts), max(counts) + 1, 2)
+    axes.plot(dense, [length / k for k in dense], ":", color=PALE, label="one spacing, length / k")
+    for cap, style, name in (
+        (0.0, "--", "evenly filled"),
+        (mockup.RADIUS, "-", "with the edges of flat ends"),
+    ):
+        expected = [end_shrinkage(k, length, cap) for k in dense]
+        axes.plot(dense, expected, style, color=INK, lw=1, label=f"eq. (2) on a line, {name}")
     axes.set(
         xlabel="reference vectors", ylabel="outermost one to the true end (mm)", ylim=(0, None)
     )
@@ -246,7 +258,7 @@ def _why_ends(
     _save(figure, path)
 
 
-def end_shrinkage(count: int, length: float, neighborhood: int = 1) -> float:
+def end_shrinkage(count: int, length: float, cap: float = 0.0, neighborhood: int = 1) -> float:
     """How far batch training, trained out, leaves the outermost unit from a line's end, mm.
 
     Parameters
@@ -255,12 +267,17 @@ def end_shrinkage(count: int, length: float, neighborhood: int = 1) -> float:
         Reference vectors on an evenly filled straight line.
     length : float
         Of the line, mm.
+    cap : float
+        So many mm of the line have as many points as stand at each end besides. A tube's two
+        edges are 2 px per pixel along it, and its flat end is 2 r wide: half of that is r.
     neighborhood : int
         The paper's n.
     """
-    points = np.linspace(0, length, 40 * count)[:, None]
+    step = length / 4000
+    ends = np.repeat([0.0, length], round(cap / step))
+    points = np.concatenate([np.arange(step / 2, length, step), ends])[:, None]
     references = np.linspace(0, length, count)[:, None]
-    for _ in range(200):
+    for _ in range(100):
         references, _ = train_epoch(points, references, neighborhood)
     return float(references[0, 0])
 
@@ -280,7 +297,7 @@ def _why_depth(path: Path) -> None:
     s = curve.arc_lengths(300)
     error, _ = closest_on_curve(curve(s), truth)
     angle = epipolar_angle_deg(curve, s, rig.a.center, rig.b.center - rig.a.center)
-    figure = _figure(8.2, 3.2)
+    figure = _figure(8.2, 3.5)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.7))
     for view, color, mask in zip("ab", (BLUE, ORANGE), masks, strict=True):
         left.contourf(mask, levels=[0.5, 1], colors=[color], alpha=0.5)
@@ -298,30 +315,29 @@ def _why_depth(path: Path) -> None:
     right.plot(s, result.standard_deviation_at(s), color=ORANGE, label="stated standard deviation")
     right.plot(s, error, color=BLUE, label="distance to the true curve")
     right.set(xlabel="arc length (mm)", ylabel="mm", yscale="log", title="along the result")
-    right.legend(loc="best")
+    handles, labels = right.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     _save(figure, path)
 
 
 def epipolar_curve() -> Backbone:
     """A curve that runs along the baseline of `mockup.overhead_rig` for some 40 mm, mm.
 
-    It leaves level along z, turns across the picture (y, the direction of the baseline) where
-    it rises to the cameras, and turns back.
+    It leaves level along z, turns across the picture (y, the direction of the baseline), bulges
+    there towards the cameras, which neither of them can see, and turns back.
     """
-    corners = np.array([[-10, -32, 15], [-5, -32, 75], [10, 32, 75], [15, 32, 135]], dtype=float)
-    points = Backbone.fit_spline(_polyline(corners), segments=12, degree=3)
-    return Backbone.through(points.sample(200))
+    share = np.linspace(0, 1, 5)[:, None]
+    across = (1 - share) * [0, -32, 75] + share * [0, 32, 75]
+    across[1:4, 0] = [14, 18, 14]
+    corners = np.vstack([[0, -32, 10], [0, -32, 43], across, [0, 32, 107], [0, 32, 140]])
+    return Backbone.through(Backbone.through(_polyline(corners)).sample(200))
 
 
 def _polyline(corners: Floats) -> Floats:
-    """Points along a polyline with its corners rounded, (n, 3)."""
+    """Points along a polyline with its corners rounded, (n, 3), mm."""
     share = np.linspace(0, len(corners) - 1, 301)
     sharp = np.column_stack([np.interp(share, np.arange(len(corners)), axis) for axis in corners.T])
-    window = np.hanning(61)
-    padded = np.pad(sharp, ((30, 30), (0, 0)), mode="reflect", reflect_type="odd")
-    return np.column_stack(
-        [np.convolve(axis, window / window.sum(), mode="valid") for axis in padded.T]
-    )
+    return np.asarray(gaussian_filter1d(sharp, sigma=15, axis=0, mode="nearest"))
 
 
 def epipolar_angle_deg(curve: Backbone, s: Floats, center: Floats, baseline: Floats) -> Floats:
@@ -329,4 +345,4 @@ def epipolar_angle_deg(curve: Backbone, s: Floats, center: Floats, baseline: Flo
     normal = np.cross(curve(s) - center, baseline)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     sine = np.abs(np.sum(curve.tangent(s) * normal, axis=1))
-    return np.degrees(np.arcsin(np.clip(sine, 0, 1)))
+    return np.asarray(np.degrees(np.arcsin(np.clip(sine, 0, 1))))
