@@ -54,7 +54,7 @@ class StereoSomOptions(Options):
         The paper's D_max, which it leaves open: the largest |q_bᵀ F q_a| at which training
         ends. It is about the gap between two rays over their depth. 0.01 lets nearly every
         first training pass, as the paper reports of its own; 0.001 (0.7 mm at 700 mm) keeps
-        the loop going, which takes the error on thin devices from 1 mm to 0.2 mm.
+        the loop going, which takes the error on thin devices from 0.5 mm to 0.14 mm.
     max_iterations : int
         Outer limit of the loop, left open by the paper. Each pass pulls the two views' points
         onto common epipolar lines; the gain ends after about ten.
