@@ -68,7 +68,7 @@ def reconstruct(
         if observation.defect:
             raise HardFrame(observation.defect)
         return METHODS[method](observation, options=options)
-    except HardFrame as hard:
+    except ValueError as hard:  # HardFrame, and what its parts refuse: this frame, not the run
         return Reconstruction(
             observation.index, observation.time, "failed", reason=str(hard), method=method
         )

@@ -45,10 +45,11 @@ def test_the_renderer_and_the_core_project_alike(camera, pixels):
     for pixel in pixels:
         point = camera.center + 500 * camera.rays([pixel])[0]
         ball = pv.Sphere(radius=2.5 * camera.pixel_size(point[None])[0], center=point)
-        image = mockup.render(
-            camera, lambda plotter, ball=ball: plotter.add_mesh(ball, color="white", lighting=False),
-            background=0,
-        )  # fmt: skip
+
+        def fill(plotter, ball=ball):
+            plotter.add_mesh(ball, color="white", lighting=False)
+
+        image = mockup.render(camera, fill, background=0)
         assert np.abs(centroid(image) - pixel).max() < 0.1
 
 

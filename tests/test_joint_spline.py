@@ -127,3 +127,32 @@ def test_a_flat_end_seen_obliquely_shows_half_an_ellipse():
     picture = camera.project(outline.points)
     below = picture[:, 1].max() - camera.project(curve[:1])[0, 1]
     assert below == pytest.approx(3.0 * (40 / 701) * 2400 / 700, rel=0.1)
+
+
+def test_holes_and_dirt_fail_or_stay_near(shared_data):
+    """Hard masks: a wrong curve must not pass for a right one."""
+    observation, truth = load_case(shared_data / "masks" / "dirty_01")
+    result = reconstruct(observation)
+    if result.ok:
+        assert curve_errors(result.backbone, truth).distance < 0.5
+
+
+@pytest.mark.slow
+def test_random_masks_end_in_a_result_or_a_reason():
+    rig = converging_rig(60)
+    for seed in range(150):
+        rng = np.random.default_rng(seed)
+        masks = []
+        for _ in "ab":
+            mask = np.zeros((768, 1024), dtype=bool)
+            for _ in range(rng.integers(1, 12)):
+                row, column = rng.integers(0, 700), rng.integers(0, 950)
+                high, wide = rng.integers(1, 200, 2)
+                mask[row : row + high, column : column + wide] = rng.random() < 0.8
+            masks.append(mask)
+        result = reconstruct(Observation.from_masks(masks[0], masks[1], rig))
+        if result.ok:
+            assert np.isfinite(result.backbone.sample(20)).all()
+            assert np.isfinite(result.covariance).all()
+        else:
+            assert result.reason
