@@ -12,7 +12,7 @@ import pydicom
 import pytest
 from PIL import Image
 
-from stereosom_plugin import commands
+from stereosom_plugin import fluoroscopy
 from stereosom_plugin.cli import main
 
 
@@ -406,13 +406,13 @@ def test_a_missing_extra_is_named_in_one_line(monkeypatch, sample, tmp_path, cap
     def missing(*_):
         raise ImportError("SimpleITK is missing; install it with: pip install 'stereosom[x]'")
 
-    monkeypatch.setattr(commands, "fluoroscopy", missing)
+    monkeypatch.setattr(fluoroscopy, "read_biplane", missing)
     line = refused(["fluoroscopy", sample, "--output", tmp_path / "out"], capsys)
     assert "pip install" in line
 
 
 def test_a_fault_of_our_own_is_one_line_too(monkeypatch, sample, tmp_path, capsys):
-    monkeypatch.setattr(commands, "fluoroscopy", lambda _: 1 / 0)
+    monkeypatch.setattr(fluoroscopy, "read_biplane", lambda *_: 1 / 0)
     line = refused(["fluoroscopy", sample, "--output", tmp_path / "out"], capsys)
     assert "ZeroDivisionError" in line
     assert "STEREOSOM_TRACEBACK" in line
