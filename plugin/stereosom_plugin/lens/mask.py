@@ -1,0 +1,68 @@
+"""From a mask of the seen picture to the device's pixels in the ideal camera's picture."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+from stereosom.arrays import Floats
+
+from .model import Lens
+
+_MOST_STRETCH = 8
+_MOST_PIXELS = 64e6
+
+
+def undistorted_mask_pixels(mask: Any, lens: Lens) -> Floats:
+    """Whole pixels (x, y) that the device covers in the ideal camera's picture, (n, 2).
+
+    Only what lies near the device is asked for: its pixels are undistorted, and every whole
+    pixel about them is distorted back, to look up whether the mask covers it. So the result
+    has neither the holes nor the doubles that moving each pixel by itself would leave where
+    the lens stretches or shrinks.
+
+    Parameters
+    ----------
+    mask : (rows, columns) array of bool
+    lens : Lens
+
+    Raises
+    ------
+    ValueError
+        Where the mask reaches beyond what the lens model can undistort.
+
+    Examples
+    --------
+    >>> from stereosom_plugin.lens import RadialTangentialLens
+    >>> lens = RadialTangentialLens([[100, 0, 0], [0, 100, 0], [0, 0, 1]], [0.25, 0, 0, 0])
+    >>> mask = np.zeros((4, 200), dtype=bool)
+    >>> mask[0, 120:130] = True  # x = 100 is shown at 125
+    >>> undistorted_mask_pixels(mask, lens)[:, 0]
+    array([ 97.,  98.,  99., 100., 101., 102.])
+    """
+    mask = np.asarray(mask, dtype=bool)
+    row, column = np.nonzero(mask)
+    if len(row) == 0:
+        return np.empty((0, 2))
+    seen = np.column_stack([column, row]).astype(np.float64)
+    ideal = lens.undistort(seen)
+    # How far apart two neighbors may land: so far around each we look.
+    nudged = lens.undistort(seen + np.where(seen > 0.5, -0.5, 0.5))
+    reach = int(np.ceil(min(2 * np.abs(nudged - ideal).max(), _MOST_STRETCH)))
+    low = np.floor(ideal.min(axis=0)).astype(int) - reach - 1
+    size = np.ceil(ideal.max(axis=0)).astype(int) + reach + 2 - low
+    if np.prod(size, dtype=float) > _MOST_PIXELS:
+        raise ValueError(
+            f"lens: undistorted, the device covers {size[0]}×{size[1]} px; "
+            "give a calibration that covers the picture"
+        )
+    near = np.zeros(size[::-1], dtype=bool)
+    x, y = (np.rint(ideal).astype(int) - low).T
+    near[y, x] = True
+    near = ndimage.binary_dilation(near, np.ones((3, 3), dtype=bool), iterations=reach)
+    candidates = (np.argwhere(near)[:, ::-1] + low).astype(np.float64)
+    looked_up = np.nan_to_num(lens.distort_where_defined(candidates), nan=-1e6)
+    cover = ndimage.map_coordinates(mask.astype(np.float32), looked_up[:, ::-1].T, order=1)
+    return np.asarray(candidates[cover >= 0.5])
