@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,13 @@ from stereosom.camera import StereoRig
 
 Image = npt.NDArray[Any]
 FieldOfView = tuple[Floats, Floats]
+
+
+class SourceFrame(NamedTuple):
+    """The file that a picture was read from, and the picture's number in it, from zero."""
+
+    path: Path
+    number: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +56,8 @@ class Acquisition:
         As in `stereosom.Observation`.
     notes : tuple of str
         What was assumed, one sentence each, for the user to read.
+    source_frames : pair of sequences of SourceFrame, optional
+        Of view a and of view b, one per frame: which pictures were paired, where DICOM was read.
     """
 
     read: Callable[[int], tuple[Image, Image]]
@@ -58,6 +67,7 @@ class Acquisition:
     source_uids: tuple[str, ...] = ()
     field_of_view: FieldOfView | None = None
     notes: tuple[str, ...] = ()
+    source_frames: tuple[Sequence[SourceFrame], Sequence[SourceFrame]] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", check_array(self.times, "times", (None,)))

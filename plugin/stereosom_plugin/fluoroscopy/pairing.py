@@ -11,7 +11,7 @@ from pathlib import Path
 from stereosom.arrays import Floats
 from stereosom.camera import Camera, StereoRig
 from stereosom.observation import picture_border
-from stereosom_plugin.acquisition import Acquisition, Image
+from stereosom_plugin.acquisition import Acquisition, Image, SourceFrame
 from stereosom_plugin.errors import InputError
 
 from .geometry import read_cameras, read_shutter
@@ -94,6 +94,10 @@ def read_biplane(a: StrPath | Sequence[StrPath], b: StrPath | None = None) -> Ac
         (first.text("SOPInstanceUID"), second.text("SOPInstanceUID")),
         views,
         tuple(notes + pairing_notes),
+        (
+            [SourceFrame(first.path, int(frame)) for frame in frames_a],
+            [SourceFrame(second.path, int(frame)) for frame in frames_b],
+        ),
     )
 
 
