@@ -47,6 +47,9 @@ class FisheyeLens(Lens):
         given = check_array(np.ravel(self.coefficients), "fisheye distortion", (4,))
         object.__setattr__(self, "coefficients", given)
 
+    def __str__(self) -> str:
+        return "fisheye lens"
+
     def _undistorted(self, pixels: Floats) -> Floats:
         """Newton's method for the angle, from a table of it."""
         bent = to_rays(self.intrinsics, pixels)

@@ -80,6 +80,11 @@ class IntensifierLens(Lens):
             coefficients[i, j] = value
         return cls(low, high, coefficients)
 
+    def __str__(self) -> str:
+        return (
+            f"image intensifier, undistorted by polynomials of degree {len(self.coefficients) - 1}"
+        )
+
     def _undistorted(self, pixels: Floats) -> Floats:
         ideal = self._map(pixels)[0]
         ideal[~self._inside(pixels)] = np.nan

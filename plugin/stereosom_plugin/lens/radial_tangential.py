@@ -58,6 +58,9 @@ class RadialTangentialLens(Lens):
             raise ValueError(f"distortion: must be 4, 5, 8, 12 or 14 numbers, is {len(given)}")
         object.__setattr__(self, "coefficients", given)
 
+    def __str__(self) -> str:
+        return f"radial-tangential lens of {len(self.coefficients)} coefficients"
+
     def _undistorted(self, pixels: Floats) -> Floats:
         """Newton's method from the radial part's inverse."""
         bent = homogeneous(to_rays(self.intrinsics, pixels), np.linalg.inv(self._tilt))
