@@ -27,9 +27,10 @@ RECORD, TABLE, SERIES, RIG, MARKUPS = (
     "run.json", "centerlines.csv", "centerlines.pvd", "rig.json", "centerline.mrk.json",
 )  # fmt: skip
 _PICTURES = ("scene.png", "overlay_a.png", "overlay_b.png")
+DICOM_CENTERLINES, DICOM_MASKS = "centerlines.dcm", ("masks_a.dcm", "masks_b.dcm")
 _OURS = re.compile(
     "|".join([r"centerline_\d{4,}\.vtp", *map(re.escape, (RECORD, TABLE, SERIES, RIG, MARKUPS)),
-              *map(re.escape, _PICTURES)])
+              *map(re.escape, (*_PICTURES, DICOM_CENTERLINES, *DICOM_MASKS))])
 )  # fmt: skip
 
 Row = dict[str, str]

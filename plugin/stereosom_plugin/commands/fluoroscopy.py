@@ -20,6 +20,16 @@ def add_words(parser: argparse.ArgumentParser) -> None:
         help="the two planes in either order, or a folder that holds one pair",
     )
     add_run_words(parser)
+    parser.add_argument(
+        "--dicom-sr",
+        action="store_true",
+        help="also write centerlines.dcm: the run as a DICOM Comprehensive 3D SR",
+    )
+    parser.add_argument(
+        "--dicom-seg",
+        action="store_true",
+        help="also write masks_a.dcm and masks_b.dcm: DICOM segmentations of both planes",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -27,4 +37,15 @@ def run(arguments: argparse.Namespace) -> int:
     from ..fluoroscopy import read_biplane
     from ..segmentation import segment_xray
 
-    return reconstruct_and_report(read_biplane(*arguments.inputs), segment_xray, arguments)
+    acquisition = read_biplane(*arguments.inputs)
+    origin = None
+    if arguments.dicom_sr or arguments.dicom_seg:
+        from ..dicom_out import read_origin  # before a long run: it may refuse
+
+        origin = read_origin(acquisition)
+    code = reconstruct_and_report(acquisition, segment_xray, arguments)
+    if origin is not None:
+        from .dicom_objects import write_dicom_objects
+
+        write_dicom_objects(acquisition, segment_xray, origin, arguments)
+    return code
