@@ -17,7 +17,7 @@ inverse (S. M. Kay, "Fundamentals of Statistical Signal Processing: Estimation T
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -51,6 +51,14 @@ class Bound:
     covariance: Floats
     ends: Booleans
     radius_deviation: float
+
+    def scaled(self, factor: float) -> Bound:
+        """The bound where every boundary point is `factor` times as uncertain."""
+        return replace(
+            self,
+            covariance=factor**2 * self.covariance,
+            radius_deviation=factor * self.radius_deviation,
+        )
 
     @property
     def standard_deviation(self) -> Floats:

@@ -58,11 +58,11 @@ def _loop(seed: int) -> Device:
 
 
 def _epipolar(seed: int) -> Device:
-    """A stretch of 40 mm that runs along a baseline, or up to 15° beside it."""
+    """A stretch of 40 mm that runs along a baseline, or up to 10° beside it."""
     rng = np.random.default_rng(seed)
     rig = mockup.overhead_rig(60)
     curve = epipolar_curve()
-    tilt = np.radians(rng.uniform(-15, 15))
+    tilt = np.radians(rng.uniform(-10, 10))
     turn = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
     middle = curve(curve.length / 2)
     curve = curve.transformed(turn, middle - turn @ middle + rng.uniform(-8, 8, 3))
