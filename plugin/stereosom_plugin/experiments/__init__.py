@@ -31,6 +31,20 @@ def _methods(output: Path, *, progress: Progress = iter) -> str:
     return run(output, progress=progress)
 
 
+def _limits(output: Path, *, progress: Progress = iter) -> str:
+    """Errors beside the Cramér–Rao bound, by noise, angle, radius and resolution."""
+    from .limits import run
+
+    return run(output, progress=progress)
+
+
+def _coverage(output: Path, *, progress: Progress = iter) -> str:
+    """Whether true points lie where results say that they do."""
+    from .coverage import run
+
+    return run(output, progress=progress)
+
+
 EXPERIMENTS: MappingProxyType[str, Experiment] = MappingProxyType(
-    {"methods": _methods, "table1": _table1}
+    {"coverage": _coverage, "limits": _limits, "methods": _methods, "table1": _table1}
 )
