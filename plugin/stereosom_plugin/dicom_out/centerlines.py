@@ -150,7 +150,7 @@ def _group(line: Centerline, origin: Origin, space: Any, device: Any, predicted:
     return highdicom.sr.MeasurementsAndQualitativeEvaluations(
         highdicom.sr.TrackingIdentifier(device, "device"),
         time_point_context=highdicom.sr.TimePointContext(
-            f"frame {line.frame} at {line.time:.4f} s, {seen}", time_point_order=line.frame + 1
+            f"frame {line.frame} at {line.time:.4f} s, {seen}"
         ),
         finding_type=codes.SCT.InstrumentDevice,
         measurements=measured,
