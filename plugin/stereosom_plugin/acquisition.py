@@ -12,6 +12,9 @@ import numpy.typing as npt
 
 from stereosom.arrays import Floats, check_array
 from stereosom.camera import StereoRig
+from stereosom.observation import View
+
+from .lens import Lens
 
 Image = npt.NDArray[Any]
 FieldOfView = tuple[Floats, Floats]
@@ -58,6 +61,10 @@ class Acquisition:
         What was assumed, one sentence each, for the user to read.
     source_frames : pair of sequences of SourceFrame, optional
         Of view a and of view b, one per frame: which pictures were paired, where DICOM was read.
+    lenses : pair of Lens, optional
+        How view a and view b distort. The pictures and `field_of_view` are as seen, the rigs
+        those of ideal cameras: `segmentation.observe` undistorts the device's pixels, and what
+        is drawn over a picture goes through `seen` first.
     """
 
     read: Callable[[int], tuple[Image, Image]]
@@ -68,6 +75,7 @@ class Acquisition:
     field_of_view: FieldOfView | None = None
     notes: tuple[str, ...] = ()
     source_frames: tuple[Sequence[SourceFrame], Sequence[SourceFrame]] | None = None
+    lenses: tuple[Lens, Lens] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", check_array(self.times, "times", (None,)))
@@ -82,6 +90,15 @@ class Acquisition:
     def rig(self, index: int) -> StereoRig:
         """Where the views stood in a frame."""
         return self.rigs[index if len(self.rigs) > 1 else 0]
+
+    def seen(self, view: View, pixels: Floats) -> Floats:
+        """Where a view's picture shows what an ideal camera shows at (n, 2) pixels.
+
+        Not a number where the lens model describes nothing: there is nothing to draw.
+        """
+        if self.lenses is None:
+            return pixels
+        return self.lenses[0 if view == "a" else 1].distort_where_defined(pixels)
 
     def __getitem__(self, index: int) -> FramePair:
         if not 0 <= index < len(self):

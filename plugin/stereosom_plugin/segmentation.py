@@ -7,6 +7,7 @@ Any function that maps an image to a boolean mask of its size can stand in for
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,6 +20,7 @@ from stereosom.observation import Observation
 
 from .acquisition import Acquisition, Image
 from .errors import InputError, require
+from .lens import Lens, undistorted_field, undistorted_mask_pixels
 
 Mask = npt.NDArray[np.bool_]
 Segment = Callable[[Image], Mask]
@@ -152,8 +154,9 @@ def observe(
     Yields
     ------
     Observation
-        One per frame, in that order. A view in which no device was found has no pixels; where
-        a frame cannot be read or segmented, its `defect` says why, and the next one follows.
+        One per frame, in that order, free of lens distortion. A view in which no device was
+        found has no pixels; where a frame cannot be read or segmented, its `defect` says why,
+        and the next one follows.
 
     Raises
     ------
@@ -176,7 +179,7 @@ def observe(
             mask_a, mask_b = segment_a(pair.image_a), segment_b(pair.image_b)
         except InputError as error:
             defect = str(error)
-        yield Observation.from_masks(
+        seen = Observation.from_masks(
             mask_a,
             mask_b,
             rig,
@@ -185,6 +188,26 @@ def observe(
             field_of_view=acquisition.field_of_view,
             defect=defect,
         )
+        yield _undistorted(seen, (mask_a, mask_b), acquisition.lenses)
+
+
+def _undistorted(
+    seen: Observation, masks: tuple[Mask, Mask], lenses: tuple[Lens, Lens] | None
+) -> Observation:
+    """The observation of ideal cameras: the device's pixels, and where the views end."""
+    if lenses is None or seen.defect:
+        return seen
+    assert seen.field_of_view is not None
+    try:
+        pixels = [undistorted_mask_pixels(*pair) for pair in zip(masks, lenses, strict=True)]
+    except ValueError as error:
+        return replace(
+            seen, pixels_a=np.empty((0, 2)), pixels_b=np.empty((0, 2)), defect=str(error)
+        )
+    field_a, field_b = (
+        undistorted_field(*view) for view in zip(seen.field_of_view, lenses, masks, strict=True)
+    )
+    return replace(seen, pixels_a=pixels[0], pixels_b=pixels[1], field_of_view=(field_a, field_b))
 
 
 def _checked(image: Any) -> Floats:

@@ -7,6 +7,7 @@ has none there: far from the axis most models fold back, and nothing is meant by
 
 from __future__ import annotations
 
+from .field import undistorted_field
 from .fisheye import FisheyeLens
 from .intensifier import IntensifierLens
 from .mask import undistorted_mask_pixels
@@ -18,5 +19,6 @@ __all__ = [
     "IntensifierLens",
     "Lens",
     "RadialTangentialLens",
+    "undistorted_field",
     "undistorted_mask_pixels",
 ]

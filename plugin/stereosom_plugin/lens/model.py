@@ -39,6 +39,10 @@ class Lens(ABC):
         pixels = check_array(pixels, "pixels", (None, 2))
         return _checked(self._distorted(pixels), pixels, "distorted")
 
+    def undistort_where_defined(self, pixels: Any) -> Floats:
+        """As `undistort`, but not a number where the model cannot be inverted."""
+        return self._undistorted(check_array(pixels, "pixels", (None, 2)))
+
     def distort_where_defined(self, pixels: Any) -> Floats:
         """As `distort`, but not a number where the model describes nothing: for drawing."""
         return self._distorted(check_array(pixels, "pixels", (None, 2)))
