@@ -15,8 +15,8 @@ from .middle_line import middle_line
 from .observation import Observation, View
 from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
-from .refine import TubeFit, curve_covariance, fit_tube
-from .tube import Contour, mask_contour
+from .refine.contour import Contour, mask_contour
+from .refine.fit import TubeFit, fit_tube
 
 METHOD = "joint-spline"
 
@@ -96,7 +96,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     fit = fit_tube(
         seen.rig,
         (_contour(seen, "a"), _contour(seen, "b")),
-        start,
+        start.sample(_SAMPLES),
         radius,
         capped=(not opened[0], not opened[1]),
         radius_known=options.prior.radius is not None,
@@ -145,7 +145,7 @@ def _contour(seen: Observation, view: View) -> Contour:
     """Contour of a mask, without where the border of the view cuts it off."""
     contour = mask_contour(seen.pixels_a if view == "a" else seen.pixels_b)
     edge = seen.distance_to_border(view, contour.points) > _CUT_OFF
-    return Contour(contour.points[edge], contour.directions[edge])
+    return contour.where(edge)
 
 
 def _open_ends(seen: Observation, curve: Backbone, radius: float) -> tuple[bool, bool]:
@@ -171,7 +171,7 @@ def _cut_at_borders(
 ) -> tuple[Backbone, Floats]:
     """The curve, up to the border of the views at open ends, and its covariance there."""
     whole = fit.backbone
-    covariance = curve_covariance(fit, _SAMPLES)
+    covariance = fit.covariance_at(_SAMPLES)
     s = whole.arc_lengths(2000)
     points = whole(s)
     inside = np.ones(len(s), dtype=bool)

@@ -12,7 +12,8 @@ from stereosom.matching import match_monotone
 from stereosom.metrics import closest_on_curve, curve_errors
 from stereosom.middle_line import middle_line
 from stereosom.synthetic import arc, converging_rig, observe
-from stereosom.tube import mask_contour, tube_outline
+from stereosom.refine.contour import mask_contour
+from stereosom.refine.reference import outline
 
 # Mean at equal arc length and error of the tip, mm, without registration, ends included.
 TRUTH_TABLE = {
@@ -123,8 +124,8 @@ def test_a_flat_end_seen_obliquely_shows_half_an_ellipse():
     z = np.linspace(35.0, 115.0, 50)
     curve, up = np.column_stack([0 * z, 0 * z, z]), np.tile([0.0, 0, 1], (50, 1))
     camera = converging_rig(60).a
-    outline = tube_outline(camera, curve, up, 3.0, (True, True))
-    picture = camera.project(outline.points)
+    capped = np.array([True, True])
+    picture, *_ = outline(camera.projection, camera.center, curve, up, 3.0, capped)
     below = picture[:, 1].max() - camera.project(curve[:1])[0, 1]
     assert below == pytest.approx(3.0 * (40 / 701) * 2400 / 700, rel=0.1)
 

@@ -1,0 +1,37 @@
+"""The edge of a mask: where device and background meet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..arrays import Booleans, Floats
+from .kernels import kernels
+
+
+@dataclass(frozen=True, eq=False)
+class Contour:
+    """Points (m, 2) on the edge of a mask, px, and the outward directions there."""
+
+    points: Floats
+    directions: Floats
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def where(self, kept: Booleans) -> Contour:
+        """The part of it that is kept, by an (m,) array."""
+        return Contour(self.points[kept], self.directions[kept])
+
+
+def mask_contour(pixels: Floats) -> Contour:
+    """Points half-way between neighboring pixels in and out of a mask.
+
+    Each is where the true edge crosses between two pixel centres, to half a pixel either way
+    and zero on the mean. The outward direction leads away from the device's pixels around it.
+
+    Parameters
+    ----------
+    pixels : (n, 2) array
+        Of a filled mask.
+    """
+    return Contour(*kernels().contour(pixels))

@@ -1,0 +1,213 @@
+"""One spline and one radius for both views: Gauss-Newton on the outlines of a tube.
+
+The distance of each edge point of both masks to the silhouette of the tube, across it, is a
+residual; sliding along the tube costs nothing. How stiff the spline is, is chosen by the evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats
+from ..backbone import Backbone
+from ..camera import StereoRig
+from ..reconstruction import HardFrame
+from .contour import Contour
+from .kernels import kernels
+from .look import Look, Tube
+from .reach import seen_stretch
+from .spline import SplineBasis, spline_basis
+from .uncertainty import control_covariance, noise_variance
+
+# Edges farther from the outline than this, px, in one pass after the other, are no part of it;
+# then the spread of the residuals decides.
+FROM_AFAR = (40.0, 20.0, 12.0, 8.0, 5.0, 4.0)
+# Before the passes at these gates the ends are placed anew: the curve lies in the device then.
+_PLACING = (12.0, 8.0)
+# From this gate on flat ends tell how the curve runs into them.
+_TURNING = 5.0
+# A step may slide along the curve only this weakly; a share of how strongly it is held across.
+_SLIDING = 0.01
+# Steps smaller than this are no steps, px.
+_SETTLED_PX = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class TubeFit:
+    """A fitted tube.
+
+    Attributes
+    ----------
+    backbone : Backbone
+    radius : float
+        mm.
+    covariance : (3m, 3m) array
+        Of the m control points of the backbone, coordinates of each together, mm².
+    looks : pair of Look
+        What the views show of it.
+    """
+
+    backbone: Backbone
+    radius: float
+    covariance: Floats
+    looks: tuple[Look, Look]
+    basis: SplineBasis
+
+    def covariance_at(self, count: int) -> Floats:
+        """Covariance (count, 3, 3), mm², at equal steps of arc length."""
+        s = self.backbone.arc_lengths(count)
+        values = self.basis.at(self.backbone._parameter(s))
+        m = self.basis.count
+        half = values @ self.covariance.reshape(m, -1)  # (count, 3 · m · 3): one sum at a time
+        half = half.reshape(count, 3, m, 3)
+        return np.asarray(np.einsum("nimj,nm->nij", half, values, optimize=True))
+
+
+def fit_tube(
+    rig: StereoRig,
+    contours: tuple[Contour, Contour],
+    start: Floats,
+    radius: float,
+    *,
+    capped: tuple[bool, bool] = (True, True),
+    radius_known: bool = False,
+    segments: int = 24,
+    gates: Sequence[float] = FROM_AFAR,
+    passes: int = 20,
+) -> TubeFit:
+    """Fit a tube to the contours of both views.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    contours : pair of Contour
+    start : (n, 3) array
+        Points along a curve within some widths of the device, mm.
+    radius : float
+        To begin with, mm.
+    capped : (bool, bool)
+        Whether the base and the tip are ends of the device.
+    radius_known : bool
+        Whether the radius stays as it is.
+    segments : int
+        Pieces of the cubic spline; more than needed does no harm.
+    gates : sequence of float
+        Edges farther off, px, are left out, in one pass after the other.
+    passes : int
+        Of Gauss-Newton, at most.
+
+    Raises
+    ------
+    HardFrame
+        Where the curve leaves the contours.
+    """
+    basis = spline_basis(segments)
+    control, stiffness = basis.control_points(start), 1e-4
+    settled_mm = _SETTLED_PX * float(rig.a.pixel_size(start[:1])[0])
+    for number in range(passes):
+        gate = gates[number] if number < len(gates) else None
+        if gate in _PLACING:
+            tube = Tube.of(basis, control, radius, capped)
+            looks = _looks(rig, contours, tube, gate)
+            control = basis.control_points(seen_stretch(rig, contours, tube, looks, gate))
+        tube = Tube.of(basis, control, radius, capped)
+        looks = _looks(rig, contours, tube, gate)
+        step = _Step(basis, control, tube, looks, caps_turn=gate is None or gate <= _TURNING)
+        stiffness = step.evidence(stiffness)
+        moved, grown = step.solve(stiffness, radius_known)
+        if not np.isfinite(moved).all() or np.abs(moved).max() > 1e4:
+            raise HardFrame("the fit left the device")
+        control, radius = control + moved, max(radius + grown, 1e-3)
+        if gate is None and step.across(moved) < settled_mm:
+            break
+    tube = Tube.of(basis, control, radius, capped)
+    looks = _looks(rig, contours, tube, None)
+    return TubeFit(
+        basis.backbone(control),
+        radius,
+        control_covariance(basis, tube, looks, radius_known),
+        looks,
+        basis,
+    )
+
+
+def _looks(
+    rig: StereoRig, contours: tuple[Contour, Contour], tube: Tube, gate: float | None
+) -> tuple[Look, Look]:
+    look_a = Look.at(tube, rig.a, contours[0], gate)
+    look_b = Look.at(tube, rig.b, contours[1], gate)
+    for look in (look_a, look_b):
+        if np.count_nonzero(look.weight) < look.samples // 4:
+            raise HardFrame("the fit follows too little of the device's outline")
+    return look_a, look_b
+
+
+class _Step:
+    """Normal equations of one pass: unknown are the control points' shifts and the radius'."""
+
+    def __init__(
+        self,
+        basis: SplineBasis,
+        control: Floats,
+        tube: Tube,
+        looks: tuple[Look, Look],
+        caps_turn: bool,
+    ) -> None:
+        self.basis, self.control, self.tube, self.looks = basis, control, tube, looks
+        size = 3 * basis.count + 1
+        self.matrix, self.side = np.zeros((size, size)), np.zeros(size)
+        for look in looks:
+            # Seen nearly edge-on, a disc tilted to either side looks the same: until the curve
+            # is near, its rims alone say how it runs.
+            turn = look.turn if caps_turn else 0 * look.turn
+            matrix, side = kernels().assemble(
+                basis.values, basis.slopes, basis.first, tube.speed,
+                look.pull, turn, look.grow, look.weight, look.total,
+            )  # fmt: skip
+            self.matrix += matrix
+            self.side += side
+        self.noise = noise_variance(looks)
+
+    def evidence(self, stiffness: float) -> float:
+        """Next estimate of the stiffness: how rough the curve is against how noisy its picture.
+
+        D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992: the roughness
+        is shared among as many directions as it, and not the data, determines.
+        """
+        basis = self.basis
+        roughness = np.sum(self.control * (basis.roughness @ self.control))
+        covariance = np.linalg.inv(self._held(stiffness))[:-1, :-1]
+        blocks = sum(covariance[axis::3, axis::3] for axis in range(3))
+        undetermined = stiffness * float(np.sum(blocks * basis.roughness))
+        directions = max(3.0 * (basis.count - 3) - undetermined, 1.0)
+        return float(np.clip(self.noise * directions / max(roughness, 1e-12), 1e-9, 1e6))
+
+    def solve(self, stiffness: float, radius_known: bool) -> tuple[Floats, float]:
+        """Shift of the control points (m, 3) and of the radius, mm."""
+        held, side = self._held(stiffness), self.side.copy()
+        side[:-1] -= stiffness * (self.basis.roughness @ self.control).ravel()
+        tangents = self.tube.tangents
+        slide = (self.basis.values[:, :, None] * tangents[:, None, :]).reshape(len(tangents), -1)
+        sliding = slide.T @ slide
+        share = _SLIDING * np.trace(self.matrix[:-1, :-1]) / np.trace(sliding)
+        held[:-1, :-1] += share * sliding
+        if radius_known:
+            held[-1, -1] += 1e12
+        moved = np.linalg.solve(held, side)
+        return np.asarray(moved[:-1].reshape(-1, 3)), float(moved[-1])
+
+    def across(self, moved: Floats) -> float:
+        """Largest shift of the curve across itself, mm."""
+        shift, tangents = self.basis.values @ moved, self.tube.tangents
+        shift -= np.sum(shift * tangents, axis=1, keepdims=True) * tangents
+        return float(np.linalg.norm(shift, axis=1).max())
+
+    def _held(self, stiffness: float) -> Floats:
+        """The normal matrix with the spline's stiffness."""
+        held = self.matrix + 1e-9 * np.eye(len(self.matrix))
+        for axis in range(3):
+            held[axis:-1:3, axis:-1:3] += stiffness * self.basis.roughness
+        return held

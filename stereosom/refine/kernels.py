@@ -1,0 +1,19 @@
+"""The inner loops: compiled where numba is installed, else in plain numpy."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.util import find_spec
+from types import ModuleType
+
+
+@cache
+def kernels() -> ModuleType:
+    """`compiled` or `reference`; made at first use, because importing numba takes a second."""
+    if find_spec("numba") is None:
+        from . import reference
+
+        return reference
+    from . import compiled
+
+    return compiled

@@ -1,0 +1,186 @@
+"""What one view shows of a tube: the edges of its mask, each at its place on the outline."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from ..arrays import Booleans, Floats, Integers
+from ..camera import Camera
+from ..reconstruction import HardFrame
+from .contour import Contour
+from .kernels import kernels
+from .reference import owners, pieces
+from .spline import SplineBasis
+
+# A mask's edge cannot be told better than this, px, nor is more than this far off a part of it,
+# in spreads and in px.
+_LEAST_SPREAD, _SPREADS, _FARTHEST = 0.5, 4.0, 2.0
+# A rim is seen where edges lie no farther off than this, px and as a share of the half width.
+_RIM_PX, _RIM_SHARE = 2.0, 0.3
+# A flat end is seen where it has so many edges, as a share of its width.
+_CAP_SHARE = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """A round tube with flat ends: samples (n, 3) of its curve, and the derivative there, mm."""
+
+    curve: Floats
+    velocity: Floats
+    radius: float
+    capped: tuple[bool, bool]
+
+    @classmethod
+    def of(
+        cls, basis: SplineBasis, control: Floats, radius: float, capped: tuple[bool, bool]
+    ) -> Tube:
+        """Around the spline of control points (m, 3)."""
+        return cls(basis.values @ control, basis.slopes @ control, radius, capped)
+
+    @property
+    def speed(self) -> Floats:
+        """Length of the derivative at the samples, mm."""
+        return np.maximum(np.sqrt(np.einsum("ni,ni->n", self.velocity, self.velocity)), 1e-9)
+
+    @property
+    def tangents(self) -> Floats:
+        """Unit vectors (n, 3)."""
+        return self.velocity / self.speed[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A tube's outline in a view, with what the contour says at each of its k points.
+
+    Attributes
+    ----------
+    picture, normals, pull, turn, grow : arrays
+        The outline, as `reference.outline` gives it.
+    weight, total, squares : (k,) arrays
+        Sums over the edges that belong to each point: of their weights, and of their residuals,
+        px, and those squared, times weight.
+    spread : float
+        Of the residuals, px.
+    stray : float
+        Share of the contour that belongs nowhere.
+    half_width : float
+        Of the device in the picture, px.
+    """
+
+    picture: Floats
+    normals: Floats
+    pull: Floats
+    turn: Floats
+    grow: Floats
+    weight: Floats
+    total: Floats
+    squares: Floats
+    spread: float
+    stray: float
+    half_width: float
+
+    @classmethod
+    def at(cls, tube: Tube, camera: Camera, contour: Contour, gate: float | None) -> Look:
+        """Match a contour to a tube's outline.
+
+        Parameters
+        ----------
+        tube : Tube
+        camera : Camera
+        contour : Contour
+        gate : float, optional
+            Edges farther off, px, are no part of it. Where not given, those are not that lie
+            beyond some times the spread, and the far ones among the others count less.
+
+        Raises
+        ------
+        HardFrame
+            Where the tube runs behind the camera.
+        """
+        if camera.depth(tube.curve).min() <= 2 * tube.radius:
+            raise HardFrame("the fit runs behind a camera")
+        picture, normals, pull, turn, grow, bend = kernels().outline(
+            camera.projection,
+            camera.center,
+            tube.curve,
+            tube.tangents,
+            tube.radius,
+            np.array(tube.capped),
+        )
+        half_width = tube.radius * float(np.median(grow[: 2 * len(tube.curve)]))
+        turning = min(max(half_width, 2.0), 40.0)
+        reach = (gate or 8.0) + turning
+        nearest, residual = kernels().match(
+            picture,
+            normals,
+            bend,
+            len(tube.curve),
+            contour.points,
+            contour.directions,
+            turning,
+            reach,
+        )
+        kept = nearest >= 0
+        spread = 0.0
+        if gate is not None:
+            kept &= np.abs(residual) < gate
+        elif kept.any():
+            spread = max(_LEAST_SPREAD, 1.4826 * float(np.median(np.abs(residual[kept]))))
+            kept &= np.abs(residual) < max(_FARTHEST, _SPREADS * spread)
+        nearest, residual = nearest[kept], residual[kept]
+        weight = np.ones(len(residual))
+        if gate is None:
+            weight = 1 / (1 + (residual / (2 * max(spread, _LEAST_SPREAD))) ** 2)
+        k = len(picture)
+        return cls(
+            picture,
+            normals,
+            pull,
+            turn,
+            grow,
+            weight=np.bincount(nearest, weight, k),
+            total=np.bincount(nearest, weight * residual, k),
+            squares=np.bincount(nearest, weight * residual**2, k),
+            spread=spread,
+            stray=1 - len(residual) / max(len(contour), 1),
+            half_width=half_width,
+        )
+
+    @property
+    def samples(self) -> int:
+        """Of the curve."""
+        return len(self.picture) // 2 - _CAP
+
+    @property
+    def owner(self) -> Integers:
+        """Sample of the curve that each point of the outline belongs to."""
+        return owners(self.samples)
+
+    def rims_seen(self) -> Booleans:
+        """Whether edges are at each sample's left and right rim, (2, n)."""
+        tolerance = _RIM_PX + _RIM_SHARE * self.half_width
+        rms = np.sqrt(self.squares / np.maximum(self.weight, 1e-12))
+        seen = (self.weight > 0) & (rms < tolerance)
+        left, right, _, _ = pieces(self.samples)
+        return maximum_filter1d(np.stack([seen[left], seen[right]]), 5, axis=1)
+
+    @property
+    def cap_seen(self) -> tuple[bool, bool]:
+        """Whether edges make a flat end at the base, and at the tip."""
+        _, _, base, tip = pieces(self.samples)
+        least = _CAP_SHARE * 2 * self.half_width
+        return bool(self.weight[base].sum() > least), bool(self.weight[tip].sum() > least)
+
+    @property
+    def middle_offsets(self) -> Floats:
+        """How far the middle between both rims lies beside the curve, px, where both are seen."""
+        left, right, _, _ = pieces(self.samples)
+        both = (self.weight[left] > 0) & (self.weight[right] > 0)
+        mean = self.total / np.maximum(self.weight, 1e-12)
+        return np.asarray((mean[left] - mean[right])[both] / 2)
+
+
+_CAP = len(owners(1)) // 2 - 1

@@ -1,0 +1,111 @@
+"""How far the device reaches: the longest stretch of a tube that the views bear out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Booleans, Floats
+from ..camera import StereoRig
+from ..reconstruction import HardFrame
+from .contour import Contour
+from .look import Look, Tube
+
+# The curve is continued by so many radii at either end, to see whether the device goes on.
+_BEYOND = 6.0
+# Of a hole that hides the device in one or both views, in radii.
+_LONGEST_HOLE = 4.5
+# A view that sees a stretch shortened to less than this share of the other's says nothing of it.
+_SHORTENED = 0.4
+# Rims, of two in each view, that must be seen.
+_RIMS = 2
+# The oval of a flat end seen obliquely looks like more of the rims, for less than so many radii.
+_SLACK = 2.5
+
+
+def seen_stretch(
+    rig: StereoRig,
+    contours: tuple[Contour, Contour],
+    tube: Tube,
+    looks: tuple[Look, Look],
+    gate: float,
+) -> Floats:
+    """Cut or lengthen a curve to where its rims are seen.
+
+    A flat end shows in the picture as two rims that stop. Where a hole hides it in one view,
+    the rims of the other go on, and the device with them.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    contours : pair of Contour
+    tube : Tube
+        Where it is not capped the device goes on beyond the border, and the curve is
+        lengthened some way beyond what is seen.
+    looks : pair of Look
+        At the tube.
+    gate : float
+        Edges farther off, px, are no part of the device.
+
+    Returns
+    -------
+    (n, 3) array
+        Points along the curve, mm.
+
+    Raises
+    ------
+    HardFrame
+        Where hardly anything of it is seen.
+    """
+    curve, tangents = tube.curve, tube.tangents
+    step = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).mean())
+    if step <= 0:
+        raise HardFrame("the fit shrank to a point")
+    beyond = min(int(np.ceil(_BEYOND * tube.radius / step)), len(curve))
+    ahead = step * np.arange(1, beyond + 1)[:, None]
+    before, after = curve[0] - ahead[::-1] * tangents[0], curve[-1] + ahead * tangents[-1]
+    extended = np.vstack([before, curve, after])
+    directions = np.vstack(
+        [np.tile(tangents[0], (beyond, 1)), tangents, np.tile(tangents[-1], (beyond, 1))]
+    )
+    longer = [
+        Look.at(Tube(extended, directions, tube.radius, (False, False)), camera, contour, gate)
+        for camera, contour in zip((rig.a, rig.b), contours, strict=True)
+    ]
+    speed = np.stack(
+        [np.linalg.norm(np.gradient(camera.project(extended), axis=0), axis=1)
+         for camera in (rig.a, rig.b)]
+    )  # fmt: skip
+    telling = speed > _SHORTENED * speed.max(axis=0)
+    rims = np.stack([look.rims_seen() for look in longer]) & telling[:, None]
+    seen = np.flatnonzero(rims.sum(axis=(0, 1)) >= _RIMS)
+    if len(seen) < len(extended) // 10:
+        raise HardFrame("the fit follows too little of the device's outline")
+    hole = int(np.ceil(_LONGEST_HOLE * tube.radius / step))
+    # The pieces between holes that are too long; the longest is the device.
+    breaks = np.flatnonzero(np.diff(seen) > hole)
+    starts, stops = seen[np.append(0, breaks + 1)], seen[np.append(breaks, len(seen) - 1)]
+    longest = int(np.argmax(stops - starts))
+    found = [int(starts[longest]), int(stops[longest])]
+    slack, onward = (int(np.ceil(radii * tube.radius / step)) for radii in (_SLACK, 2.0))
+    for end, at, outward in ((0, beyond, -1), (1, beyond + len(curve) - 1, 1)):
+        farther = outward * (found[end] - at)
+        if not tube.capped[end]:
+            found[end] += outward * onward
+        elif farther < -slack:
+            continue
+        elif farther > slack and _goes_on(rims, looks, end, at, outward):
+            found[end] -= outward * onward // 2
+        else:
+            found[end] = at
+    start, stop = max(found[0], 0), min(found[1], len(extended) - 1)
+    return np.asarray(extended[start : stop + 1])
+
+
+def _goes_on(
+    rims: Booleans, looks: tuple[Look, Look], end: int, at: int, outward: int
+) -> bool:
+    """Whether a view that shows no flat end where the fit has put it shows both rims beyond."""
+    beyond = rims[:, :, at + outward :: outward].all(axis=1).any(axis=1)
+    return any(
+        seen and not look.cap_seen[end] for seen, look in zip(beyond, looks, strict=True)
+    )

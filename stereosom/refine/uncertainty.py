@@ -1,0 +1,120 @@
+"""How sure the fitted curve is: its covariance from what the edges tell, and how they tell it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+
+from ..arrays import Floats
+from .kernels import kernels
+from .look import Look, Tube
+from .reference import pieces
+from .spline import SplineBasis
+
+# Bends that a device has: so many pieces of spline tell what the views leave open. More would
+# call bends possible that are not, fewer would smooth over what is not seen.
+_PIECES = 13
+# Residuals of so many neighboring points of the outline are taken together, to see how much
+# less they know than if each were on its own.
+_IN_A_ROW = 8
+# Variance across an edge, of any direction on the mean, that comes of rounding to pixels, px².
+_ROUNDED = 1 / 18
+
+
+def control_covariance(
+    basis: SplineBasis, tube: Tube, looks: tuple[Look, Look], radius_known: bool
+) -> Floats:
+    """Covariance of the control points, (3m, 3m), mm², coordinates of each together.
+
+    It is that of a spline of fewer pieces without any stiffness: what the data do not
+    determine must not look sure because the fit is smooth there.
+    """
+    n = basis.count
+    matrix = np.zeros((3 * n + 1, 3 * n + 1))
+    noise = noise_variance(looks)
+    for look in looks:
+        # Where an edge runs aslant, one pixel of it is crossed by a row and by a column at once.
+        crossings = np.abs(look.normals).sum(axis=1)
+        # The rounding is in the noise already, as if it were each pixel's own.
+        variance = np.maximum(noise + _shared(look) - _ROUNDED, 0.5 * noise)
+        weight = look.weight / crossings * noise / variance
+        added, _ = kernels().assemble(
+            basis.values, basis.slopes, basis.first, tube.speed,
+            look.pull, look.turn, look.grow, weight, 0.0 * weight,
+        )  # fmt: skip
+        matrix += added
+    coarse = basis.from_coarser(_PIECES)
+    lift = np.zeros((3 * n + 1, 3 * coarse.shape[1] + 1))
+    for axis in range(3):
+        lift[axis:-1:3, axis:-1:3] = coarse
+    lift[-1, -1] = 1.0
+    held = lift.T @ matrix @ lift
+    # No point is farther off than the curve is long: what no view sees has no larger variance.
+    length = float(np.linalg.norm(np.diff(tube.curve, axis=0), axis=1).sum())
+    held += noise / length**2 * np.eye(len(held))
+    if radius_known:
+        held[-1, -1] += 1e12
+    covariance = lift @ np.linalg.inv(held) @ lift.T
+    covariance = noise * covariance[:-1, :-1]
+    return np.asarray((covariance + covariance.T) / 2)
+
+
+def noise_variance(looks: tuple[Look, Look]) -> float:
+    """Variance that the residuals would have if each were on its own, px²."""
+    variance, alike = [], []
+    for look in looks:
+        weight = float(look.weight.sum())
+        variance.append(float(look.squares.sum()) / max(weight, 1e-9))
+        alike.append(_likeness(look))
+    return max(float(np.mean(variance)) * float(np.mean(alike)), 1e-6)
+
+
+def _likeness(look: Look) -> float:
+    """How much more the mean of near residuals varies than if they were independent."""
+    sums, single, weights = 0.0, 0.0, 0.0
+    for piece in pieces(look.samples)[:2]:
+        weight, total = look.weight[piece], look.total[piece]
+        rows = len(weight) // _IN_A_ROW
+        weight = weight[: rows * _IN_A_ROW].reshape(rows, -1).sum(axis=1)
+        total = total[: rows * _IN_A_ROW].reshape(rows, -1).sum(axis=1)
+        seen = weight > 0
+        sums += float(np.sum(total[seen] ** 2 / weight[seen]))
+        single += float(seen.sum())
+        weights += float(look.weight[piece].sum())
+    variance = float(look.squares.sum()) / max(float(look.weight.sum()), 1e-9)
+    if single < 4:
+        return 1.0
+    return max(1.0, sums / single / max(variance, 1e-12))
+
+
+def _shared(look: Look) -> Floats:
+    """Variance that an edge shares with its neighbors, times their number, at each point, px².
+
+    Pixels tell an edge that runs along them no better than to one of them, however many they
+    are: the rounding is the same for all. It is a sawtooth of the edge's place x, in px; over
+    all places of the grid, its mean over a stretch has the variance Σ |⟨exp 2πihx⟩|² / 2π²h²
+    (its Fourier series): 1/12 where x stays, nothing where it runs through whole pixels.
+    """
+    shared = np.zeros(len(look.weight))
+    together = look.samples // _PIECES
+    for number, piece in enumerate(pieces(look.samples)):
+        place, weight = look.picture[piece], look.weight[piece]
+        variance = np.zeros(len(place))
+        for axis in (0, 1):
+            rounding = np.zeros(len(place))
+            for h in (1, 2, 3):
+                phase = np.exp(2j * np.pi * h * place[:, axis])
+                if number < 2:
+                    mean = gaussian_filter1d(phase.real, together / 2.5, mode="nearest")
+                    mean = mean + 1j * gaussian_filter1d(phase.imag, together / 2.5, mode="nearest")
+                else:
+                    crossed = weight * np.abs(look.normals[piece, axis])
+                    mean = np.sum(crossed * phase) / max(float(crossed.sum()), 1e-9)
+                rounding += np.abs(mean) ** 2 / (2 * np.pi**2 * h**2)
+            variance = np.maximum(variance, rounding)
+        if number < 2:
+            count = uniform_filter1d(weight, together, mode="nearest") * together
+        else:
+            count = np.full(len(weight), float(weight.sum()))
+        shared[piece] = variance * count
+    return shared
