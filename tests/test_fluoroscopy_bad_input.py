@@ -40,15 +40,17 @@ def test_not_dicom(write_pair, tmp_path):
 
 
 def test_a_folder_in_place_of_a_file(write_pair):
-    a, _ = write_pair()
-    refusal(a, a.parent)
+    a, b = write_pair()
+    assert read_biplane(a, a.parent).sources == (a, b)
+    _, d = write_pair("other")
+    assert "3 runs or planes" in refusal(a.parent, d)
 
 
 @pytest.mark.parametrize(
     ("uid", "name"),
     [
         ("1.2.840.10008.5.1.4.1.1.2", "CT Image Storage"),
-        ("1.2.840.10008.5.1.4.1.1.12.1.1", "Enhanced XA Image Storage"),
+        ("1.2.840.10008.5.1.4.1.1.12.2", "X-Ray Radiofluoroscopic Image Storage"),
         ("1.2.3", "1.2.3"),
     ],
 )
@@ -61,7 +63,8 @@ def test_other_objects(write_pair, uid, name):
 def test_one_plane_only(write_pair):
     a, b = write_pair()
     assert "one plane only" in refusal(a)
-    assert "1 files were given" in refusal([a])
+    assert "one plane only" in refusal([a])
+    assert "0 files were given" in refusal([])
     b.unlink()
     assert "no biplane pair (1 X-ray angiograms: plane_a.dcm (A))" in refusal(a.parent)
 

@@ -197,13 +197,7 @@ def test_circular_and_polygonal_shutter(write_pair):
     np.testing.assert_allclose(sorted(view_b.tolist()), [[0, 0], [0, 20], [20, 0]])
 
 
-MISSING = [
-    "PositionerPrimaryAngle",
-    "PositionerSecondaryAngle",
-    "DistanceSourceToDetector",
-    "DistanceSourceToPatient",
-    "ImagerPixelSpacing",
-]
+MISSING = ["PositionerPrimaryAngle", "PositionerSecondaryAngle", "ImagerPixelSpacing"]
 
 
 @pytest.mark.parametrize("keyword", MISSING)
@@ -228,8 +222,11 @@ def test_each_missing_geometry_element_is_named(write_pair, keyword):
         {"PositionerSecondaryAngle": "-91"},
         {"PositionerMotion": "DYNAMIC"},
         {"PositionerMotion": "DYNAMIC", "PositionerPrimaryAngleIncrement": ["0", "1"]},
-        {"FieldOfViewRotation": "90"},
-        {"FieldOfViewHorizontalFlip": "YES"},
+        {"PositionerMotion": "DYNAMIC", "PositionerPrimaryAngleIncrement": ["0", "0", "400"]},
+        {"FieldOfViewRotation": "45"},
+        {"FieldOfViewHorizontalFlip": "PERHAPS"},
+        {"DistanceSourceToDetector": "110", "DistanceSourceToPatient": "75"},
+        {"ImagerPixelSpacing": ["0.4", "2"]},
         {"PatientPosition": "HFDL"},
         {"ShutterLeftVerticalEdge": "900", "ShutterRightVerticalEdge": "990"}
         | {"ShutterUpperHorizontalEdge": "1", "ShutterLowerHorizontalEdge": "20"},

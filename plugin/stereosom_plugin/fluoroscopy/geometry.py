@@ -1,27 +1,21 @@
-"""Where an XA plane stood: positioner angles and distances -> `Camera`, shutter -> corners.
+"""Where a C-arm and a table stood -> `Camera`.
 
-World axes: patient LPS, mm, about the isocenter. The matrix holds for a patient who lies head
-first and supine on a level table; what was not checked against a real scanner is noted.
+World axes: patient LPS, mm, about the isocenter of the first frame. The room's axes, in which
+Enhanced XA gives angles and table, are the same for a patient who lies head first and supine on
+a level table: x to the table's left, y down, z to its head (PS3.3 C.8.19.6.13).
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
+from dataclasses import dataclass
 
 import numpy as np
 
 from stereosom.arrays import Floats
 from stereosom.camera import Camera
-from stereosom.observation import picture_border
 
-from .header import Header, label
-
-# Patient directions in LPS, as PatientOrientation spells them.
-DIRECTIONS = {
-    letter: sign * np.eye(3)[axis]
-    for letters, axis in (("LR", 0), ("PA", 1), ("HF", 2))
-    for letter, sign in zip(letters, (1, -1), strict=True)
-}
+# How the patient lies on the table: patient LPS to table axes, their diagonals.
+LYING = {"HFS": (1, 1, 1), "HFP": (-1, -1, 1), "FFS": (-1, 1, -1), "FFP": (1, -1, -1)}
 
 
 def positioner_camera(
@@ -31,6 +25,12 @@ def positioner_camera(
     source_to_isocenter: float,
     spacing: tuple[float, float],
     image_size: tuple[int, int],
+    *,
+    detector_turn: float = 0.0,
+    picture_turn: float = 0.0,
+    flipped: bool = False,
+    center: tuple[float, float] | None = None,
+    world_to_room: tuple[Floats, Floats] | None = None,
 ) -> Camera:
     """Make the camera of one C-arm position.
 
@@ -44,12 +44,24 @@ def positioner_camera(
         Pixel pitch on the detector, mm: between rows, between columns.
     image_size : (int, int)
         Width and height, px.
+    detector_turn : float
+        Rotation of the detector in its plane, rad (Positioner Isocenter Detector Rotation
+        Angle, the third of PS3.17 Z.2).
+    picture_turn : float
+        Clockwise rotation of the stored picture against the detector, rad.
+    flipped : bool
+        Whether left and right were exchanged after that.
+    center : (float, float), optional
+        Column and row onto which the isocenter falls. Default: the center of the picture, as
+        PS3.17 FFF.2.1.5.2 says of XA.
+    world_to_room : ((3, 3) array, (3,) array), optional
+        Rotation and translation from the patient to the room. Default: none.
 
     Returns
     -------
     Camera
         s (column, row, 1) = K [M | (0, 0, source_to_isocenter)] (X, 1). M mirrors: the picture
-        is seen looking toward the source.
+        is seen looking toward the source. M is Xp, -Zp, -Yp of PS3.17 Z.2.
     """
     sin_a, cos_a, sin_b, cos_b = (
         np.sin(primary),
@@ -57,215 +69,108 @@ def positioner_camera(
         np.sin(secondary),
         np.cos(secondary),
     )
-    to_detector = [
-        [cos_a, sin_a, 0],
-        [sin_a * sin_b, -cos_a * sin_b, -cos_b],
-        [sin_a * cos_b, -cos_a * cos_b, sin_b],
-    ]
+    to_detector = np.array(
+        [
+            [cos_a, sin_a, 0],
+            [sin_a * sin_b, -cos_a * sin_b, -cos_b],
+            [sin_a * cos_b, -cos_a * cos_b, sin_b],
+        ]
+    )
+    turn = detector_turn - picture_turn
+    in_picture = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    if flipped:
+        in_picture[0] *= -1
+    to_detector[:2] = in_picture @ to_detector[:2]
     row_pitch, column_pitch = spacing
+    column, row = center or ((image_size[0] - 1) / 2, (image_size[1] - 1) / 2)
     intrinsics = [
-        [source_to_detector / column_pitch, 0, (image_size[0] - 1) / 2],
-        [0, source_to_detector / row_pitch, (image_size[1] - 1) / 2],
+        [source_to_detector / column_pitch, 0, column],
+        [0, source_to_detector / row_pitch, row],
         [0, 0, 1],
     ]
-    return Camera.from_pose(intrinsics, to_detector, [0, 0, source_to_isocenter], image_size)
+    translation = np.array([0, 0, source_to_isocenter])
+    if world_to_room is not None:
+        rotation, shift = world_to_room
+        translation = to_detector @ shift + translation
+        to_detector = to_detector @ rotation
+    return Camera.from_pose(intrinsics, to_detector, translation, image_size)
 
 
-def read_cameras(
-    header: Header, image_size: tuple[int, int], frames: int
-) -> tuple[tuple[Camera, ...], list[str]]:
-    """Make a plane's cameras: one, or one per frame where the positioner moves.
+@dataclass(frozen=True)
+class Table:
+    """Where the table stood in the room, and how the patient lies on it.
 
-    Returns
-    -------
-    cameras : tuple of Camera
-    notes : list of str
-        What was assumed.
-
-    Raises
-    ------
-    InputError
-        Where a number is absent or absurd: nothing safe stands in for it.
+    Parameters
+    ----------
+    position : (float, float, float)
+        Of its reference point from the isocenter, mm.
+    angles_deg : (float, float, float)
+        Horizontal rotation (+z toward +x), head tilt (head up), cradle tilt (left up).
+    lying : str
+        Patient position: HFS, HFP, FFS or FFP.
     """
-    notes = _check_patient(header)
-    sid, sod, distance_notes = _distances(header)
-    spacing = header.numbers("ImagerPixelSpacing")
-    if not spacing:
-        raise header.missing("ImagerPixelSpacing")
-    if len(spacing) != 2 or min(spacing) <= 0:
-        raise _absurd(header, "ImagerPixelSpacing", "two positive lengths")
-    angles, motion_notes = _angles(header, frames)
-    cameras = tuple(
-        positioner_camera(primary, secondary, sid, sod, (spacing[0], spacing[1]), image_size)
-        for primary, secondary in np.radians(angles)
-    )
-    _check_orientation(header, cameras[0])
-    return cameras, notes + distance_notes + motion_notes
+
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    angles_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    lying: str = "HFS"
+
+    @property
+    def to_room(self) -> Floats:
+        """Rotation from table to room axes, (3, 3): (R3 R2 R1) transposed of PS3.17 Z.3.
+
+        Examples
+        --------
+        >>> (Table(angles_deg=(0, 90, 0)).to_room @ [0, 0, 1]).round(6).tolist()  # head up
+        [0.0, -1.0, 0.0]
+        """
+        (s1, s2, s3), (c1, c2, c3) = (f(np.radians(self.angles_deg)) for f in (np.sin, np.cos))
+        horizontal = np.array([[c1, 0, -s1], [0, 1, 0], [s1, 0, c1]])
+        head = np.array([[1, 0, 0], [0, c2, s2], [0, -s2, c2]])
+        cradle = np.array([[c3, -s3, 0], [s3, c3, 0], [0, 0, 1]])
+        return np.asarray((cradle @ head @ horizontal).T)
+
+    def world_to_room(self, first: Table) -> tuple[Floats, Floats]:
+        """Rotation and translation from the patient to the room.
+
+        The patient moves with the table; the world's origin is the point of the patient that
+        lay in the isocenter when the table stood as `first`.
+        """
+        patient_to_room = self.to_room @ np.diag(np.array(LYING[self.lying], dtype=float))
+        carried = self.to_room @ first.to_room.T @ np.array(first.position)
+        return patient_to_room, np.array(self.position) - carried
 
 
-def read_shutter(header: Header, camera: Camera) -> Floats | None:
-    """Corners, (m, 2) px, of what the shutters leave of the picture; None without a shutter.
+@dataclass(frozen=True)
+class Pose:
+    """What a header says about where one frame was taken; as `positioner_camera`, but degrees."""
 
-    DICOM counts columns and rows from one.
-    """
-    edges = [
-        header.numbers(f"Shutter{edge}Edge")
-        for edge in ("LeftVertical", "RightVertical", "UpperHorizontal", "LowerHorizontal")
-    ]
-    center, radius = (
-        header.numbers("CenterOfCircularShutter"),
-        header.number("RadiusOfCircularShutter"),
-    )
-    vertices = header.numbers("VerticesOfThePolygonalShutter")
-    clips = []
-    if all(len(edge) == 1 for edge in edges):
-        left, right, top, bottom = (edge[0] - 1 for edge in edges)
-        clips.append(np.array([[left, top], [right, top], [right, bottom], [left, bottom]]))
-    if len(center) == 2 and radius:
-        turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-        circle = radius * np.column_stack([np.cos(turn), np.sin(turn)])
-        clips.append(circle + np.array(center[::-1]) - 1)
-    polygonal = len(vertices) >= 6 and len(vertices) % 2 == 0
-    if not clips and not polygonal:
-        return None
-    # Only the figure that is clipped may be concave: the polygon, where there is one.
-    corners = picture_border(camera)
-    if polygonal:
-        clips.append(corners)
-        corners = np.reshape(vertices, (-1, 2))[:, ::-1] - 1.0
-    for clip in clips:
-        corners = clip_polygon(corners, clip)
-    if len(corners) < 3:
-        raise header.refuse("its shutter leaves nothing of the picture", "check the shutter tags")
-    return corners
+    primary_deg: float
+    secondary_deg: float
+    source_to_detector: float
+    source_to_isocenter: float
+    spacing: tuple[float, float]
+    image_size: tuple[int, int]
+    detector_turn_deg: float = 0.0
+    picture_turn_deg: float = 0.0
+    flipped: bool = False
+    center: tuple[float, float] | None = None
+    table: Table | None = None
 
-
-def clip_polygon(polygon: Floats, convex: Floats) -> Floats:
-    """Intersect an (m, 2) polygon with a convex one (Sutherland and Hodgman 1974).
-
-    The convex one runs clockwise on the screen (x right, y down).
-
-    Examples
-    --------
-    >>> square = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]])
-    >>> clip_polygon(square, square + 3).tolist()
-    [[3.0, 3.0], [4.0, 3.0], [4.0, 4.0], [3.0, 4.0]]
-    """
-    for start, end in pairwise([*convex, convex[0]]):
-        side = end - start
-        inside = side[0] * (polygon[:, 1] - start[1]) - side[1] * (polygon[:, 0] - start[0])
-        kept = []
-        for i in range(len(polygon)):
-            if inside[i - 1] * inside[i] < 0:
-                share = inside[i - 1] / (inside[i - 1] - inside[i])
-                kept.append(polygon[i - 1] + share * (polygon[i] - polygon[i - 1]))
-            if inside[i] >= 0:
-                kept.append(polygon[i])
-        polygon = np.reshape(kept, (-1, 2))
-    return polygon
-
-
-def _distances(header: Header) -> tuple[float, float, list[str]]:
-    """Source to detector, source to isocenter, mm."""
-    notes: list[str] = []
-    sid = header.number("DistanceSourceToDetector")
-    if sid is None:
-        raise header.missing("DistanceSourceToDetector")
-    if sid <= 0:
-        raise _absurd(header, "DistanceSourceToDetector", "a positive length")
-    sod = header.number("DistanceSourceToPatient")
-    if sod is None:
-        magnification = header.number("EstimatedRadiographicMagnificationFactor")
-        if magnification is None:
-            raise header.missing("DistanceSourceToPatient")
-        if magnification <= 1:
-            raise _absurd(header, "EstimatedRadiographicMagnificationFactor", "above 1")
-        sod = sid / magnification  # the standard defines it as this ratio
-        notes.append(
-            f"{label('DistanceSourceToPatient')} is absent; {sod:.1f} mm follow from "
-            f"{label('EstimatedRadiographicMagnificationFactor')}"
+    def camera(self, first_table: Table | None = None) -> Camera:
+        """Make the frame's camera; the table's position counts from `first_table`'s on."""
+        room = None
+        if self.table is not None:
+            room = self.table.world_to_room(first_table or self.table)
+        return positioner_camera(
+            float(np.radians(self.primary_deg)),
+            float(np.radians(self.secondary_deg)),
+            self.source_to_detector,
+            self.source_to_isocenter,
+            self.spacing,
+            self.image_size,
+            detector_turn=float(np.radians(self.detector_turn_deg)),
+            picture_turn=float(np.radians(self.picture_turn_deg)),
+            flipped=self.flipped,
+            center=self.center,
+            world_to_room=room,
         )
-    if not 0 < sod < sid:
-        raise _absurd(
-            header, "DistanceSourceToPatient", f"between 0 and {sid:g} mm, the detector's"
-        )
-    return sid, sod, notes
-
-
-def _angles(header: Header, frames: int) -> tuple[Floats, list[str]]:
-    """Primary and secondary angle, (n, 2) degrees: one row, or one per frame."""
-    notes: list[str] = []
-    base = []
-    for keyword, limit in (("PositionerPrimaryAngle", 180), ("PositionerSecondaryAngle", 90)):
-        angle = header.number(keyword)
-        if angle is None:
-            raise header.missing(keyword)
-        if abs(angle) > limit:
-            raise _absurd(header, keyword, f"within {limit} degrees")
-        base.append(angle)
-    if header.text("PositionerMotion").upper() != "DYNAMIC":
-        return np.array([base]), notes
-    angles = np.tile(base, (frames, 1))
-    keywords = ("PositionerPrimaryAngleIncrement", "PositionerSecondaryAngleIncrement")
-    increments = [header.numbers(keyword) for keyword in keywords]
-    if not any(increments):
-        raise header.missing(*keywords)
-    for column, (keyword, steps) in enumerate(zip(keywords, increments, strict=True)):
-        if len(steps) not in (0, frames):
-            raise _absurd(header, keyword, f"one per frame, {frames}")
-        if steps:
-            angles[:, column] += steps
-        else:
-            notes.append(f"{label(keyword)} is absent; that angle is taken not to move")
-    notes.append("the C-arm moves; its angle increments were not checked against a real scanner")
-    return angles, notes
-
-
-def _check_patient(header: Header) -> list[str]:
-    """Refuse what would turn or mirror the picture unnoticed; note what was not checked."""
-    rotation = header.number("FieldOfViewRotation")
-    flip = header.text("FieldOfViewHorizontalFlip").upper()
-    if rotation:
-        raise header.refuse(f"its picture is turned by {rotation:g} degrees", "export it unturned")
-    if flip not in ("", "NO"):
-        raise header.refuse("its picture is flipped", "export it unflipped")
-    notes: list[str] = []
-    position = header.text("PatientPosition").upper()
-    if not position:
-        notes.append(f"{label('PatientPosition')} is absent; head first, supine is assumed")
-    elif position in ("HFP", "FFS", "FFP"):
-        notes.append(f"patient position {position} was not checked against a real scanner")
-    elif position != "HFS":
-        raise header.refuse(f"patient position {position!r} is not supported", "give a supine run")
-    if header.text("TableMotion").upper() == "DYNAMIC":
-        notes.append("the table moves; positions are about the isocenter, not in the patient")
-    if header.number("TableAngle"):
-        notes.append("the table is tilted; that was not checked against a real scanner")
-    return notes
-
-
-def _check_orientation(header: Header, camera: Camera) -> None:
-    """Refuse a picture whose rows or columns run against the matrix.
-
-    PatientOrientation names the directions in which columns and rows grow; the first letter
-    weighs most. Vendors write it roughly, so only a clear contradiction counts.
-    """
-    letters = header.text("PatientOrientation").upper().split("\\")
-    center = camera.project([[0, 0, 0]])
-    if len(letters) != 2:
-        return
-    for axis, spelled in enumerate(letters):
-        if (direction := DIRECTIONS.get(spelled[:1])) is None:
-            continue
-        step = camera.project([direction])[0] - center[0]
-        if step[axis] < -0.5 * camera.focal_length / camera.depth([[0, 0, 0]])[0]:
-            raise header.refuse(
-                f"{label('PatientOrientation')} says that its picture is flipped or turned",
-                "export it as acquired",
-            )
-
-
-def _absurd(header: Header, keyword: str, wanted: str) -> Exception:
-    return header.refuse(
-        f"{label(keyword)} is {header.text(keyword)[:40]!r}, must be {wanted}", "correct the object"
-    )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from stereosom_plugin.errors import InputError, require
 
@@ -14,39 +14,58 @@ pydicom = require("pydicom", "fluoroscopy")
 
 DEFLATED = "1.2.840.10008.1.2.1.99"
 
+# No real header comes near it: ten thousand frames with a kilobyte of geometry each.
+MOST_HEADER_BYTES = 16 << 20
+
 # Only these are read; whatever else a file holds is stepped over, however large it is.
 KEYWORDS = (
     # what it is, and whose partner
-    *("SOPClassUID", "SOPInstanceUID", "StudyInstanceUID", "ImageType", "InstanceNumber"),
-    *("ReferencedImageSequence", "MaskSubtractionSequence"),
+    *("SOPClassUID", "SOPInstanceUID", "StudyInstanceUID", "SeriesInstanceUID", "ImageType"),
+    *("InstanceNumber", "ReferencedImageSequence", "ReferencedOtherPlaneSequence"),
+    *("PlaneIdentification", "SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"),
     # times
-    *("AcquisitionDateTime", "AcquisitionDate", "AcquisitionTime", "FrameIncrementPointer"),
-    *("FrameTime", "FrameTimeVector", "CineRate", "RecommendedDisplayFrameRate"),
+    *("AcquisitionDateTime", "AcquisitionDate", "AcquisitionTime", "ContentDate", "ContentTime"),
+    *("FrameTime", "FrameTimeVector", "FrameIncrementPointer", "CineRate"),
+    *("RecommendedDisplayFrameRate",),
     # geometry
     *("PositionerPrimaryAngle", "PositionerSecondaryAngle", "PositionerMotion"),
     *("PositionerPrimaryAngleIncrement", "PositionerSecondaryAngleIncrement"),
-    *("DistanceSourceToDetector", "DistanceSourceToPatient", "ImagerPixelSpacing"),
-    *("EstimatedRadiographicMagnificationFactor", "PatientPosition", "PatientOrientation"),
-    *("FieldOfViewRotation", "FieldOfViewHorizontalFlip", "TableMotion", "TableAngle"),
-    # shutters
-    *("ShutterShape", "ShutterLeftVerticalEdge", "ShutterRightVerticalEdge"),
-    *("ShutterUpperHorizontalEdge", "ShutterLowerHorizontalEdge"),
-    *("CenterOfCircularShutter", "RadiusOfCircularShutter", "VerticesOfThePolygonalShutter"),
+    *("DetectorPrimaryAngle", "DetectorSecondaryAngle"),
+    *("DistanceSourceToDetector", "DistanceSourceToPatient", "DistanceSourceToIsocenter"),
+    *("EstimatedRadiographicMagnificationFactor", "ImagerPixelSpacing", "IntensifierSize"),
+    *("FieldOfViewShape", "FieldOfViewDimensions", "FieldOfViewOrigin", "FieldOfViewRotation"),
+    *("FieldOfViewHorizontalFlip", "DetectorElementSpacing", "PositionOfIsocenterProjection"),
+    *("PatientPosition", "PatientOrientation", "PatientOrientationCodeSequence"),
+    *("PatientGantryRelationshipCodeSequence", "TableMotion", "TableAngle"),
+    # shutters and collimators
+    *(
+        keyword.format(kind)
+        for kind in ("Shutter", "Collimator")
+        for keyword in (
+            *("{}Shape", "{}LeftVerticalEdge", "{}RightVerticalEdge", "{}UpperHorizontalEdge"),
+            *("{}LowerHorizontalEdge", "CenterOfCircular{}", "RadiusOfCircular{}"),
+            "VerticesOfThePolygonal{}",
+        )
+    ),
     # pixels
     *("Rows", "Columns", "NumberOfFrames", "SamplesPerPixel", "PhotometricInterpretation"),
-    *("BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation"),
+    *("BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "RescaleSlope"),
+    *("RescaleIntercept", "ModalityLUTSequence", "PixelIntensityRelationship"),
+    *("PixelIntensityRelationshipSign", "WindowCenter", "WindowWidth"),
+    *("MaskSubtractionSequence",),
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Header:
-    """The wanted elements of one DICOM file.
+    """The wanted elements of one DICOM file, as they hold for all of it or for one frame.
 
     Parameters
     ----------
     path : Path
-    dataset : pydicom.Dataset
-        Everything before the pixels that `KEYWORDS` lists.
+    layers : tuple of pydicom.Dataset
+        Where an element is looked for, in this order. The last one is everything before the
+        pixels that `KEYWORDS` lists; before it stand the functional groups of a frame.
     transfer_syntax : str
         Its UID.
     pixel_position : int
@@ -54,7 +73,7 @@ class Header:
     """
 
     path: Path
-    dataset: Any
+    layers: tuple[Any, ...]
     transfer_syntax: str
     pixel_position: int
 
@@ -67,7 +86,8 @@ class Header:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # odd values are judged here, not by pydicom
-                value = self.dataset.get(keyword)
+                layer = next((layer for layer in self.layers if keyword in layer), None)
+                value = None if layer is None else layer.get(keyword)
         except Exception:  # pydicom raises many kinds on malformed values
             raise self._malformed(keyword) from None
         return None if value is None or value == "" or value == [] else value
@@ -103,6 +123,48 @@ class Header:
         if number != int(number):
             raise self._malformed(keyword)
         return int(number)
+
+    def items(self, keyword: str) -> tuple[Header, ...]:
+        """A sequence's items, to be asked like the header itself; none where it is absent."""
+        value = self.value(keyword)
+        if value is None:
+            return ()
+        if not isinstance(value, pydicom.Sequence):
+            raise self._malformed(keyword)
+        return tuple(replace(self, layers=(item,)) for item in value)
+
+    def frames(self, count: int) -> tuple[Header, ...]:
+        """The header as it holds for each frame: its functional groups, the shared ones, the rest.
+
+        Groups lie one deep: each is a sequence of one item. An element stands in one place only
+        (PS3.3 C.7.6.16), so that the order matters to broken files alone. Without functional
+        groups, all frames have the header itself.
+        """
+        per_frame = self.items("PerFrameFunctionalGroupsSequence")
+        shared = self.items("SharedFunctionalGroupsSequence")
+        if not per_frame and not shared:
+            return (self,) * count
+        if len(per_frame) not in (0, count):
+            raise self.refuse(
+                f"{label('PerFrameFunctionalGroupsSequence')} holds {len(per_frame)} items "
+                f"for {count} frames",
+                "export the object again",
+            )
+        common = (*(shared[0]._group_items() if shared else ()), *self.layers)
+        if not per_frame:
+            return (replace(self, layers=common),) * count
+        return tuple(replace(self, layers=(*group._group_items(), *common)) for group in per_frame)
+
+    def _group_items(self) -> tuple[Any, ...]:
+        """First items of the sequences in a functional groups item, and the item itself."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                sequences = [element.value for element in self.layers[0] if element.VR == "SQ"]
+            firsts = tuple(sequence[0] for sequence in sequences if len(sequence) > 0)
+            return (*firsts, self.layers[0])
+        except Exception:  # pydicom raises many kinds on malformed values
+            raise self._malformed("PerFrameFunctionalGroupsSequence") from None
 
     def missing(self, *keywords: str) -> InputError:
         """The error to raise where elements that nothing can stand in for are absent."""
@@ -160,17 +222,39 @@ def read_header(path: Path) -> Header:
             if syntax == DEFLATED:  # a small file of this kind may unpack to gigabytes
                 raise InputError(path, "is a deflated DICOM file", "store it uncompressed")
             tags = [pydicom.datadict.tag_for_keyword(keyword) for keyword in KEYWORDS]
-            dataset = pydicom.dcmread(file, stop_before_pixels=True, specific_tags=tags)
+            dataset = pydicom.dcmread(_Bounded(file), stop_before_pixels=True, specific_tags=tags)
             position = file.tell()
     except InputError:
         raise
+    except _TooLarge:
+        raise InputError(
+            path, "has a header of more than 16 MiB, or a torn one", "export the object again"
+        ) from None
     except OSError as error:
         raise InputError(path, error.strerror or "cannot be read", "check the file") from None
     except Exception:  # pydicom raises many kinds, RecursionError among them
         raise InputError(path, "is not a readable DICOM file", "give two XA objects") from None
     if not syntax:
         raise InputError(path, "is not a readable DICOM file", "give two XA objects")
-    return Header(path, dataset, syntax, position)
+    return Header(path, (dataset,), syntax, position)
+
+
+class _TooLarge(Exception):
+    """A header wants more memory than a header may take."""
+
+
+class _Bounded:
+    """A file of which no more is read than a header may hold; what is stepped over is free."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.file, self.left = file, MOST_HEADER_BYTES
+        self.seek, self.tell, self.name = file.seek, file.tell, file.name
+
+    def read(self, size: int = -1) -> bytes:
+        if not 0 <= size <= self.left:
+            raise _TooLarge
+        self.left -= size
+        return self.file.read(size)
 
 
 def _listed(value: Any) -> bool:

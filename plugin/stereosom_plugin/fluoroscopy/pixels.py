@@ -46,8 +46,8 @@ class PixelStore:
         Rows and columns.
     bits : (int, int)
         Bits allocated (8 or 16) and bits stored.
-    signed, inverted : bool
-        Whether numbers are signed; whether larger means darker (MONOCHROME1).
+    signed : bool
+        Whether numbers are signed.
     spans : tuple of tuple of (int, int)
         Per frame, where its pieces lie in the file: first byte, number of bytes.
     """
@@ -57,14 +57,13 @@ class PixelStore:
     shape: tuple[int, int]
     bits: tuple[int, int]
     signed: bool
-    inverted: bool
     spans: tuple[tuple[Span, ...], ...]
 
     def __len__(self) -> int:
         return len(self.spans)
 
     def read(self, index: int) -> Image:
-        """Read one frame, (rows, columns), 8 or 16 bits: larger is brighter, more X-rays.
+        """Read one frame, (rows, columns), 8 or 16 bits, as it was stored.
 
         Raises
         ------
@@ -123,15 +122,12 @@ class PixelStore:
         return frame
 
     def _values(self, raw: npt.NDArray[Any]) -> Image:
-        """Drop what lies above the stored bits, extend the sign, turn dark to bright."""
+        """Drop what lies above the stored bits, extend the sign."""
         allocated, stored = self.bits
         unused = allocated - stored
         kind = "i" if self.signed else "u"
         values = (raw.view(f"u{allocated // 8}") << unused).view(f"{kind}{allocated // 8}")
-        values = values >> unused
-        if not self.inverted:
-            return values
-        return ~values if self.signed else values.dtype.type((1 << stored) - 1) - values
+        return np.asarray(values >> unused)
 
     def _broken(self, index: int, why: str) -> InputError:
         return InputError(f"{self.path}, frame {index}", why, "leave this frame out")
@@ -183,7 +179,6 @@ def open_pixels(header: Header) -> PixelStore:
         (rows, columns),
         (allocated, stored),
         header.whole("PixelRepresentation", 0) == 1,
-        photometric == "MONOCHROME1",
         spans,
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 
@@ -13,6 +14,24 @@ from stereosom_plugin.errors import InputError
 
 from .header import Header, label
 
+# What a plane's exposures may be apart within a pair without a word, s.
+TOGETHER = 0.001
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A time of day, s; since the year 1 where the day is known. `exact`: finer than a second."""
+
+    seconds: float
+    dated: bool = False
+    exact: bool = False
+
+    def until(self, later: Moment) -> float:
+        """Seconds from this moment to another; where one has no day, both are of one day."""
+        if self.dated == later.dated:
+            return later.seconds - self.seconds
+        return later.seconds % 86400 - self.seconds % 86400
+
 
 @dataclass(frozen=True, eq=False)
 class FrameTimes:
@@ -22,16 +41,27 @@ class FrameTimes:
     ----------
     seconds : (n,) array
         From the first frame.
-    start : float or None
-        The first frame's time of day, s, where known (with the days, where they are known).
+    start : Moment or None
+        When the first frame was taken, where known.
+    stamped : bool
+        Whether each frame has a time of its own, not one counted from a rate.
     """
 
     seconds: Floats
-    start: float | None
+    start: Moment | None = None
+    stamped: bool = False
+
+    def __getitem__(self, frames: Sequence[int]) -> FrameTimes:
+        """The clock of some of the frames."""
+        seconds = self.seconds[np.asarray(frames)]
+        start = self.start
+        if start is not None:
+            start = Moment(start.seconds + float(seconds[0]), start.dated, start.exact)
+        return FrameTimes(seconds - seconds[0], start, self.stamped)
 
 
 def read_times(header: Header, frames: int) -> tuple[FrameTimes, list[str]]:
-    """Times of a plane's frames, and what was assumed about them.
+    """Times of the frames of one file, and what was assumed about them.
 
     Raises
     ------
@@ -39,6 +69,8 @@ def read_times(header: Header, frames: int) -> tuple[FrameTimes, list[str]]:
         Where several frames come without any time or rate.
     """
     start = _start(header)
+    if (times := _frame_moments(header, frames)) is not None:
+        return times, []
     if frames == 1:
         return FrameTimes(np.zeros(1), start), []
     pointed = header.value("FrameIncrementPointer")
@@ -46,29 +78,62 @@ def read_times(header: Header, frames: int) -> tuple[FrameTimes, list[str]]:
     vector = header.numbers("FrameTimeVector")
     step = header.number("FrameTime")
     if vector and (0x00181065 in pointed or step is None):
-        if len(vector) != frames or min(vector) < 0:
+        if len(vector) != frames or min(vector) < 0 or sum(vector) > 1e8:
             raise header.refuse(
                 f"{label('FrameTimeVector')} holds {len(vector)} steps for {frames} frames, "
-                "or negative ones",
+                "or absurd ones",
                 "export the object again",
             )
         seconds = np.cumsum(vector) / 1000
         return FrameTimes(seconds - seconds[0], start), []
-    if step is not None and step > 0:
+    if step is not None and 0 < step < 1e5:
         return FrameTimes(np.arange(frames) * step / 1000, start), []
-    for keyword in ("CineRate", "RecommendedDisplayFrameRate"):
-        rate = header.number(keyword)
-        if rate is not None and rate > 0:
-            note = f"{label('FrameTime')} is absent; times follow from {label(keyword)}"
-            return FrameTimes(np.arange(frames) / rate, start), [note]
+    if (found := _rate(header)) is not None:
+        rate, keyword = found
+        said = "absent" if step is None else f"{step:g} ms"
+        note = f"{label('FrameTime')} is {said}; times follow from {label(keyword)}"
+        return FrameTimes(np.arange(frames) / rate, start), [note]
     raise header.missing("FrameTime", "FrameTimeVector")
+
+
+def read_series_times(headers: Sequence[Header]) -> tuple[FrameTimes, list[str]]:
+    """Times of a plane whose frames are a file each, in order; and what was assumed.
+
+    Raises
+    ------
+    InputError
+        Where neither the files' times nor a rate put them in order.
+    """
+    for keywords in (("AcquisitionDateTime", "AcquisitionTime"), ("ContentTime",)):
+        moments = [_start(header, keywords) for header in headers]
+        first = moments[0]
+        if first is None or None in moments:
+            continue
+        seconds = np.array([first.until(moment) for moment in moments if moment is not None])
+        if np.all(np.diff(seconds) > 0):
+            return FrameTimes(seconds, first), []
+    first_header, numbers = headers[0], [header.number("InstanceNumber") for header in headers]
+    step = first_header.number("FrameTime")
+    found = (1000 / step, "FrameTime") if step and 0 < step < 1e5 else _rate(first_header)
+    if found is None or None in numbers:
+        raise first_header.refuse(
+            "and the other files of its series do not say when each was taken",
+            "export them with their acquisition times",
+        )
+    rate, keyword = found
+    counted = np.array(numbers, dtype=float)
+    note = (
+        f"the files' times do not tell them apart; times follow from {label('InstanceNumber')} "
+        f"and {label(keyword)}"
+    )
+    return FrameTimes((counted - counted[0]) / rate, _start(first_header)), [note]
 
 
 def pair_frames(a: FrameTimes, b: FrameTimes) -> tuple[Integers, Integers, list[str]]:
     """Which frames of both planes show one instant: two (n,) arrays of numbers, and notes.
 
-    Planes that run in step are paired by number; others by the time of day, the nearest
-    frames, no further apart than half a frame.
+    The nearest in time, no further apart than half a frame. Planes that run in step and whose
+    clocks do not say otherwise (they may give whole seconds only) are paired by number.
 
     Raises
     ------
@@ -77,47 +142,105 @@ def pair_frames(a: FrameTimes, b: FrameTimes) -> tuple[Integers, Integers, list[
     """
     steps = [np.median(np.diff(plane.seconds)) for plane in (a, b) if len(plane.seconds) > 1]
     tolerance = float(min(steps)) / 2 if steps else 0.0
-    known = a.start is not None and b.start is not None
-    lag = (b.start or 0.0) - (a.start or 0.0) if known else 0.0
     counts = f"{len(a.seconds)} and {len(b.seconds)} frames"
-    if len(a.seconds) == len(b.seconds) and np.abs(a.seconds - b.seconds).max() <= tolerance:
+    lag = None
+    coarse = True
+    if a.start is not None and b.start is not None:
+        lag = a.start.until(b.start)
+        coarse = not (a.start.exact and b.start.exact)
+    in_step = len(a.seconds) == len(b.seconds) and np.abs(a.seconds - b.seconds).max() <= tolerance
+    unknown = lag is None or (coarse and abs(lag) <= 1 + tolerance)
+    if in_step and (unknown or abs(lag or 0.0) <= tolerance):
         numbers = np.arange(len(a.seconds))
         notes = []
-        if abs(lag) > tolerance > 0:
+        if lag is not None and abs(lag) > max(tolerance, TOGETHER):
             notes.append(f"the planes start {abs(lag):.3f} s apart; frames are paired by number")
+        elif lag is not None and abs(lag) > TOGETHER:
+            notes.append(_apart(lag))
         return numbers, numbers, notes
-    if not known:
+    if lag is None:
         raise InputError(
             "planes A and B",
             f"have {counts} that do not run in step, and no {label('AcquisitionTime')} "
             "in both to pair them by",
             "export both planes of one run",
         )
-    gap = np.abs(a.seconds[:, None] - (b.seconds + lag))
-    frames_b = gap.argmin(axis=1)
-    frames_a = np.flatnonzero(gap.min(axis=1) <= tolerance)
-    frames_b, first = np.unique(frames_b[frames_a], return_index=True)
-    frames_a = frames_a[first]
+    moments_b = b.seconds + lag
+    later = np.searchsorted(moments_b, a.seconds).clip(0, len(moments_b) - 1)
+    earlier = np.maximum(later - 1, 0)
+    closer = np.abs(moments_b[earlier] - a.seconds) < np.abs(moments_b[later] - a.seconds)
+    frames_b = np.where(closer, earlier, later)
+    gap = moments_b[frames_b] - a.seconds
+    nearest = np.abs(gap)
+    # Of several frames of plane A that one of plane B is nearest to, the nearest has it.
+    order = np.lexsort((nearest, frames_b))
+    order = order[nearest[order] <= max(tolerance, 1e-6)]
+    _, first = np.unique(frames_b[order], return_index=True)
+    frames_a = np.sort(order[first])
+    frames_b = frames_b[frames_a]
     if len(frames_a) == 0:
         raise InputError("planes A and B", "were not taken at one time", "give both of one run")
-    note = (
+    notes = [
         f"{counts}: {len(frames_a)} pairs by {label('AcquisitionTime')}, "
-        f"from frame {frames_a[0]} of plane A and frame {frames_b[0]} of plane B on"
+        f"from frame {frames_a[0]} of plane A and frame {frames_b[0]} of plane B on; "
+        f"plane B starts {abs(lag):.3f} s {'after' if lag >= 0 else 'before'} plane A"
+    ]
+    offset = float(np.median(gap[frames_a]))
+    if abs(offset) > TOGETHER:
+        notes.append(_apart(offset))
+    return frames_a, frames_b, notes
+
+
+def _apart(offset: float) -> str:
+    return (
+        f"in each pair, plane B was exposed {1000 * abs(offset):.1f} ms "
+        f"{'after' if offset > 0 else 'before'} plane A; what moved meanwhile is not corrected"
     )
-    return frames_a, frames_b, [note]
 
 
-def _start(header: Header) -> float | None:
-    """Acquisition time in seconds, with days where the date is known; None where unknown."""
-    moment = header.text("AcquisitionDateTime")
-    if not moment:
-        moment = header.text("AcquisitionDate").rjust(8) + header.text("AcquisitionTime")
-    found = re.match(r"(\d{8}| {8})(\d\d)(\d\d)(\d\d(?:\.\d+)?)", moment)
+def _rate(header: Header) -> tuple[float, str] | None:
+    """Frames a second, and the element that says so."""
+    for keyword in ("CineRate", "RecommendedDisplayFrameRate"):
+        rate = header.number(keyword)
+        if rate is not None and 0 < rate < 1e4:
+            return rate, keyword
+    return None
+
+
+def _frame_moments(header: Header, frames: int) -> FrameTimes | None:
+    """The clock in the functional groups of an enhanced object; None where it has none."""
+    for keyword in ("FrameReferenceDateTime", "FrameAcquisitionDateTime"):
+        moments = [_moment(frame.text(keyword)) for frame in header.frames(frames)]
+        first = moments[0]
+        if first is None or None in moments:
+            continue
+        seconds = np.array([first.until(moment) for moment in moments if moment is not None])
+        if np.ptp(seconds) > 0 or frames == 1:
+            return FrameTimes(seconds, first, stamped=True)
+    return None
+
+
+def _start(
+    header: Header, keywords: Sequence[str] = ("AcquisitionDateTime", "AcquisitionTime")
+) -> Moment | None:
+    """When an object was taken; None where it does not say."""
+    for keyword in keywords:
+        text = header.text(keyword)
+        if text and keyword.endswith("Time") and not keyword.endswith("DateTime"):
+            text = header.text(keyword.replace("Time", "Date")).rjust(8) + text
+        if (moment := _moment(text)) is not None:
+            return moment
+    return None
+
+
+def _moment(text: str) -> Moment | None:
+    found = re.match(r"(\d{8}| {8})(\d\d)(\d\d)(\d\d)(\.\d+)?", text)
     if not found:
         return None
-    day, hours, minutes, seconds = found.groups()
+    day, hours, minutes, seconds, fraction = found.groups()
     try:
         days = date(int(day[:4]), int(day[4:6]), int(day[6:])).toordinal() if day.strip() else 0
     except ValueError:
         return None
-    return days * 86400.0 + int(hours) * 3600 + int(minutes) * 60 + float(seconds)
+    of_day = int(hours) * 3600 + int(minutes) * 60 + int(seconds) + float(fraction or 0)
+    return Moment(days * 86400.0 + of_day, bool(day.strip()), fraction is not None)
