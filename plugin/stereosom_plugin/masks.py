@@ -10,12 +10,18 @@ from stereosom.camera import StereoRig
 
 from .acquisition import Acquisition, Image
 from .errors import InputError, require
+from .lens import Lens
 
 _SUFFIXES = {".png", ".tif", ".tiff", ".bmp", ".pgm"}
 
 
 def read_masks(
-    a: str | Path, b: str | Path, rigs: tuple[StereoRig, ...], *, rate_hz: float | None = None
+    a: str | Path,
+    b: str | Path,
+    rigs: tuple[StereoRig, ...],
+    *,
+    rate_hz: float | None = None,
+    lenses: tuple[Lens, Lens] | None = None,
 ) -> Acquisition:
     """Read two pictures, or two folders of pictures that are paired in order of their names.
 
@@ -27,6 +33,8 @@ def read_masks(
         One for all frames, or one per frame.
     rate_hz : float, optional
         Frames per second; pictures carry no times. Default: one.
+    lenses : pair of Lens, optional
+        How both views distort. Default: not at all.
 
     Raises
     ------
@@ -66,6 +74,7 @@ def read_masks(
         np.arange(len(files_a)) / (rate_hz or 1.0),
         sources=(*files_a, *files_b),
         notes=("no --rate was given: one frame per second is assumed",) if guessed else (),
+        lenses=lenses,
     )
 
 

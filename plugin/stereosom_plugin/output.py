@@ -17,6 +17,7 @@ from stereosom.reconstruction import Reconstruction
 from .calibration import write_rig
 from .errors import InputError
 from .files import sweep, write_whole
+from .lens import Lens
 from .polydata import write_markups, write_pvd, write_vtp
 
 COLUMNS = (
@@ -67,7 +68,13 @@ class OutputFolder:
         if self.path.exists() and not self.path.is_dir():
             raise InputError(path, "is a file, not a folder", "give --output another name")
 
-    def begin(self, rigs: Sequence[StereoRig], *, overwrite: bool = False) -> None:
+    def begin(
+        self,
+        rigs: Sequence[StereoRig],
+        *,
+        lenses: tuple[Lens, Lens] | None = None,
+        overwrite: bool = False,
+    ) -> None:
         """Make the folder ready, and read back the rows that an interrupted run has left.
 
         Raises
@@ -97,7 +104,7 @@ class OutputFolder:
                 "give --output a folder that can",
             ) from None
         self._write_json(RECORD, self.record)
-        write_rig(rigs, self.path / RIG)
+        write_rig(rigs, self.path / RIG, lenses)
         table = io.StringIO(newline="")
         writer = csv.DictWriter(table, COLUMNS, lineterminator="\n")
         writer.writeheader()

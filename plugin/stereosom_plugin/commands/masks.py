@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from .. import masks, segmentation
-from ..calibration import read_rig
+from ..calibration import read_calibration
 from ..errors import InputError
 from .reconstructing import reconstruct_and_report
 from .words import add_run_words
@@ -19,7 +20,10 @@ def add_words(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("a", metavar="A.png | FOLDER_A", help="view a, white on the device")
     parser.add_argument("b", metavar="B.png | FOLDER_B", help="view b")
     parser.add_argument(
-        "--rig", required=True, metavar="RIG", help="rig.json: where the views stood"
+        "--rig",
+        required=True,
+        metavar="RIG",
+        help="where the views stood: a rig.json or another calibration",
     )
     parser.add_argument("--rate", type=float, metavar="HZ", help="frames per second of folders")
     add_run_words(parser)
@@ -27,8 +31,11 @@ def add_words(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Reconstruct pairs of mask pictures."""
-    rigs = read_rig(arguments.rig)
-    acquisition = masks.read_masks(arguments.a, arguments.b, rigs, rate_hz=arguments.rate)
+    found = read_calibration(arguments.rig)
+    acquisition = masks.read_masks(
+        arguments.a, arguments.b, found.rigs, rate_hz=arguments.rate, lenses=found.lenses
+    )
+    acquisition = replace(acquisition, notes=(*found.notes, *acquisition.notes))
     if len(acquisition) == 1:
         # Of a run, empty frames fail and the others are done; here nothing would be left.
         for path, image in zip(acquisition.sources, acquisition.read(0), strict=True):

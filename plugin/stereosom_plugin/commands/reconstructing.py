@@ -33,7 +33,7 @@ def reconstruct_and_report(
     frames = _frames(arguments.frames, len(acquisition))
     options = _options(arguments)
     folder = OutputFolder(arguments.output, _record(acquisition, arguments))
-    folder.begin(acquisition.rigs, overwrite=arguments.overwrite)
+    folder.begin(acquisition.rigs, lenses=acquisition.lenses, overwrite=arguments.overwrite)
     results = reconstruct_run(
         acquisition,
         folder,
