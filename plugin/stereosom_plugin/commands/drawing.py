@@ -1,17 +1,25 @@
-"""Pictures of a result, with the pictures that it was made of where they are found."""
+"""Results and the pictures that they were made of, as they are drawn."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from stereosom.camera import StereoRig
+
 from .. import masks
-from ..acquisition import Image
+from ..acquisition import Acquisition, Image
 from ..calibration import read_rig
-from ..centerline import Centerline
-from ..output import RECORD, RIG
+from ..centerline import Centerline, read_vtp
+from ..errors import InputError
+from ..output import RECORD, RIG, Row, centerline_path, read_table
+
+_WITH_CURVE = ("ok", "predicted")
 
 
 def draw(
@@ -20,14 +28,13 @@ def draw(
     images: tuple[Image, Image] | None,
     picture: Path,
     *,
-    color_by: str = "Curvature",
     overlays: Path | None = None,
 ) -> None:
     """Draw a curve in space, and, where `overlays` names a folder, over both pictures."""
     from .. import render as pictures
 
     rig = rigs[min(line.frame, len(rigs) - 1)] if rigs else None
-    pictures.scene(line, rig, picture, images, color_by=color_by)
+    pictures.scene(line, rig, picture, images)
     if overlays and images and rig:
         for view, image, camera in zip("ab", images, (rig.a, rig.b), strict=True):
             path = overlays / f"overlay_{view}.png"
@@ -35,18 +42,130 @@ def draw(
             pictures.overlay(image, line.backbone, camera, path, color=color)
 
 
-def source_pictures(folder: Path, frame: int) -> tuple[Image, Image] | None:
-    """The pictures that a folder was made of, where they are still in their place."""
+class Results:
+    """A folder of results or one `.vtp`: curves, rigs and source pictures by frame.
+
+    Nothing is kept of a frame once it is given.
+
+    Parameters
+    ----------
+    path : path
+
+    Attributes
+    ----------
+    frames : list of int
+        Of all frames, failed ones too, in order.
+    with_curve : list of int
+        Of those that have a curve.
+    command : str
+        The one that made the folder.
+    acquisition : Acquisition or None
+        The pictures that the results were made of, where they are still in their place.
+
+    Raises
+    ------
+    InputError
+        Where there is no curve to draw.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self._single, self._rows = path, None, {}
+        folder = path if path.is_dir() else path.parent
+        if path.is_dir():
+            rows = [row for row in read_table(path) if row["frame"].isdecimal()]
+            self._rows = {int(row["frame"]): row for row in rows}
+            self.frames = sorted(self._rows)
+            self.with_curve = [f for f in self.frames if self._rows[f]["status"] in _WITH_CURVE]
+        else:
+            self._single = read_vtp(path)
+            self.frames = self.with_curve = [self._single.frame]
+        if not self.with_curve:
+            what = f"none of its {len(self.frames)} frames has a curve"
+            raise InputError(path, what, "give a run with one frame that is ok")
+        self._rigs = read_rig(folder / RIG) if (folder / RIG).exists() else ()
+        self.command, self.acquisition = source_acquisition(folder, self._rigs)
+
+    def line(self, frame: int) -> Centerline | None:
+        """Return the curve of a frame; None where it has none."""
+        if self._single is not None:
+            return self._single
+        if self._rows[frame]["status"] not in _WITH_CURVE:
+            return None
+        line = read_vtp(centerline_path(self.path, frame))
+        return replace(line, frame=frame)
+
+    def rig(self, frame: int) -> StereoRig | None:
+        """Where the views stood in a frame, as far as is known."""
+        return self._rigs[min(max(frame, 0), len(self._rigs) - 1)] if self._rigs else None
+
+    def images(self, frame: int) -> tuple[Image, Image] | None:
+        """Both pictures of a frame; None where they are not to be had."""
+        if self.acquisition is None or not 0 <= frame < len(self.acquisition):
+            return None
+        try:
+            images = self.acquisition.read(frame)
+        except InputError:  # one torn frame does not end a film
+            return None
+        rig = self.rig(frame)
+        if rig is None:
+            return images
+        sizes = (rig.a.image_size, rig.b.image_size)
+        fit = all(i.shape[:2] == s[::-1] for i, s in zip(images, sizes, strict=True))
+        return images if fit else None
+
+    def time(self, frame: int) -> float:
+        """Seconds."""
+        return float(self._rows[frame]["time_s"]) if self._rows else self._line_time()
+
+    def state(self, frame: int) -> str:
+        """What is to be said of a frame that is not ok; else nothing."""
+        row: Row = self._rows.get(frame, {"status": "ok", "reason": ""})
+        return "" if row["status"] == "ok" else f"{row['status']}: {row['reason']}"
+
+    def rate(self) -> float | None:
+        """Frames per second of the run; None where its times do not say."""
+        steps = np.diff([self.time(frame) for frame in self.frames])
+        steps = steps[steps > 0]
+        return float(1 / np.median(steps)) if len(steps) else None
+
+    def _line_time(self) -> float:
+        return self._single.time if self._single else 0.0
+
+
+def source_acquisition(folder: Path, rigs: Sequence[StereoRig]) -> tuple[str, Acquisition | None]:
+    """Open the pictures that a folder was made of, where they are still in their place.
+
+    Returns
+    -------
+    str
+        The command that made the folder, as far as it says.
+    Acquisition or None
+    """
+    command = ""
     try:
         record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+        command = str(record["command"])
         paths = [Path(source["path"]) for source in record["inputs"]]
-        if record["command"] == "fluoroscopy":
-            from ..fluoroscopy import read_biplane
-
-            return read_biplane(paths[0], paths[1]).read(frame)
-        rigs = read_rig(folder / RIG)
-        half = len(paths) // 2
-        pair = (paths[frame], paths[half + frame])
-        return masks.read_masks(*pair, rigs[:1]).read(0)
+        return command, _OPENERS[command](paths, tuple(rigs))
     except (OSError, ValueError, KeyError, IndexError, TypeError):
-        return None
+        return command, None
+
+
+def _open_fluoroscopy(paths: list[Path], rigs: tuple[StereoRig, ...]) -> Acquisition:
+    from ..fluoroscopy import read_biplane
+
+    return read_biplane(paths[0], paths[1])
+
+
+def _open_masks(paths: list[Path], rigs: tuple[StereoRig, ...]) -> Acquisition:
+    # The record holds all of view a, all of view b, and the rig's own file.
+    half = len(paths) // 2
+
+    def read(frame: int) -> tuple[Image, Image]:
+        return masks.read_masks(paths[frame], paths[half + frame], rigs[:1]).read(0)
+
+    read(0)
+    return Acquisition(read, rigs, np.arange(half, dtype=float))
+
+
+_OPENERS = {"fluoroscopy": _open_fluoroscopy, "masks": _open_masks}

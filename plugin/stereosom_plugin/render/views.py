@@ -1,0 +1,88 @@
+"""The two pictures in space: behind the device, each in its own pyramid of rays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from stereosom.arrays import Floats
+from stereosom.camera import Camera, StereoRig
+
+from ..acquisition import Image
+from ..errors import require
+from .look import NARROW_DEG, extent, picture_corners
+from .style import Picture
+
+pv = require("pyvista", "vtk")
+
+
+def stretched(image: Image) -> Picture:
+    """Picture as (rows, columns, 3) bytes, its 1st to 99th percentile from black to white."""
+    picture = np.asarray(image, dtype=np.float32)
+    if picture.ndim == 2:
+        picture = picture[:, :, None]
+    # A grid of every few pixels has the same percentiles, and saves most of the time.
+    every = max(1, int(np.sqrt(picture.shape[0] * picture.shape[1]) / 512))
+    low, high = np.nanpercentile(picture[::every, ::every], [1, 99])
+    if high <= low:  # a mask of a thin device: all but one percent is background
+        low, high = np.nanmin(picture), np.nanmax(picture)
+    share = np.nan_to_num((picture - low) / max(high - low, 1e-12))
+    gray = np.round(255 * np.clip(share, 0, 1)).astype(np.uint8)
+    return np.broadcast_to(gray, (*picture.shape[:2], 3))
+
+
+def picture_quad(camera: Camera, depth: float) -> Any:
+    """The camera's picture slid along its rays to a depth (mm), as a textured quad.
+
+    Returns
+    -------
+    pyvista.PolyData
+        Four corners, with texture coordinates (0, 0) at the picture's bottom left and (1, 1)
+        at its top right, whichever way the projection mirrors.
+    """
+    quad = pv.PolyData(picture_corners(camera, depth), faces=[4, 0, 1, 2, 3])
+    quad.active_texture_coordinates = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=float)
+    return quad
+
+
+def texture(image: Image) -> Any:
+    """A picture to be spread over its quad."""
+    made = pv.Texture(stretched(image))
+    made.interpolate = made.mipmap = True
+    return made
+
+
+def picture_depths(points: Floats, rig: StereoRig) -> tuple[float, float]:
+    """Depths (mm) at which both pictures stand behind (n, 3) points, neither cutting the other."""
+    span = extent(points)
+    nearest = [float(camera.depth(points).max()) + 0.05 * span for camera in (rig.a, rig.b)]
+    narrow = rig.convergence_deg < NARROW_DEG
+    depth_a, depth_b = nearest
+    for gap in span * np.arange(0, 20, 0.1):
+        depth_a, depth_b = nearest[0] + (0 if narrow else gap), nearest[1] + gap
+        past_b = rig.b.depth(picture_corners(rig.a, depth_a)) - depth_b
+        past_a = rig.a.depth(picture_corners(rig.b, depth_b)) - depth_a
+        if narrow and past_a.min() > 0.5 * span:
+            break
+        if not narrow and (past_a.max() < 0 or past_b.max() < 0):
+            break
+    return depth_a, depth_b
+
+
+def frustum(camera: Camera, depth: float, points: Floats) -> Any:
+    """The pyramid of rays before a picture, as lines.
+
+    It ends at the source where that is near, and else, cut off squarely, before the (n, 3)
+    points: an X-ray source stands ten times as far away as the device is long.
+    """
+    nearest = float(camera.depth(points).min()) - 0.25 * extent(points)
+    far = picture_corners(camera, depth)
+    near = picture_corners(camera, nearest if nearest > 0.5 * depth else 1e-3 * depth)
+    corners: npt.NDArray[np.float64] = np.vstack([far, near])
+    edges = [(k, k + 4) for k in range(4)] + [(k + 4, (k + 1) % 4 + 4) for k in range(4)]
+    mesh = pv.PolyData(corners)
+    mesh.lines = np.array([(2, *edge) for edge in edges]).ravel()
+    mesh.verts = np.empty(0, dtype=int)
+    return mesh
