@@ -403,7 +403,7 @@ def test_a_picture_that_is_no_png(demo, tmp_path, capsys):
 
 
 def test_a_missing_extra_is_named_in_one_line(monkeypatch, sample, tmp_path, capsys):
-    def missing(*_):
+    def missing(*_, **__):
         raise ImportError("SimpleITK is missing; install it with: pip install 'stereosom[x]'")
 
     monkeypatch.setattr(fluoroscopy, "read_biplane", missing)
@@ -412,7 +412,7 @@ def test_a_missing_extra_is_named_in_one_line(monkeypatch, sample, tmp_path, cap
 
 
 def test_a_fault_of_our_own_is_one_line_too(monkeypatch, sample, tmp_path, capsys):
-    monkeypatch.setattr(fluoroscopy, "read_biplane", lambda *_: 1 / 0)
+    monkeypatch.setattr(fluoroscopy, "read_biplane", lambda *_, **__: 1 / 0)
     line = refused(["fluoroscopy", sample, "--output", tmp_path / "out"], capsys)
     assert "ZeroDivisionError" in line
     assert "STEREOSOM_TRACEBACK" in line

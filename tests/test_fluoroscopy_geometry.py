@@ -113,7 +113,7 @@ def test_magnification_stands_in_for_the_source_to_isocenter_distance(write_pair
     }
     acquisition = read_biplane(*write_pair(both=changes))
     np.testing.assert_allclose(np.linalg.norm(acquisition.rigs[0].a.center), 800)
-    assert "800.0 mm follow" in acquisition.notes[0]
+    assert "800.0 mm follows" in acquisition.notes[0]
 
 
 def test_moving_positioner_gives_a_rig_per_frame(write_pair):

@@ -20,6 +20,7 @@ EXAMPLE = "stereosom demo"
 def add_words(parser: argparse.ArgumentParser) -> None:
     """Say which words the command takes."""
     add_run_words(parser, output="stereosom-demo")
+    parser.set_defaults(**fluoroscopy.LEFT_OUT)
 
 
 def run(arguments: argparse.Namespace) -> int:

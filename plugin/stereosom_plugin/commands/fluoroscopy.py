@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import json
 
+from ..errors import InputError
 from .reconstructing import reconstruct_and_report
 from .words import add_run_words
 
 DOES = "reconstruct a biplane X-ray run from DICOM"
 EXAMPLE = "stereosom fluoroscopy plane_a.dcm plane_b.dcm --output out --render"
+
+# What the command alone can be asked for, as it is where nobody asks.
+LEFT_OUT = {"describe": False, "dsa": False, "dicom_sr": False, "dicom_seg": False}
 
 
 def add_words(parser: argparse.ArgumentParser) -> None:
@@ -17,9 +22,20 @@ def add_words(parser: argparse.ArgumentParser) -> None:
         "inputs",
         nargs="+",
         metavar="A.dcm B.dcm | FOLDER",
-        help="the two planes in either order, or a folder that holds one pair",
+        help="the two planes in either order, or a folder that holds one pair; also the files "
+        "of single-frame series, or one file with the frames of both planes",
     )
-    add_run_words(parser)
+    add_run_words(parser, output_required=False)
+    parser.add_argument(
+        "--describe",
+        action="store_true",
+        help="print what is understood of the run (angles, frames, pairing, assumptions), and stop",
+    )
+    parser.add_argument(
+        "--dsa",
+        action="store_true",
+        help="subtract the masks that the objects prescribe (digital subtraction angiography)",
+    )
     parser.add_argument(
         "--dicom-sr",
         action="store_true",
@@ -37,7 +53,11 @@ def run(arguments: argparse.Namespace) -> int:
     from ..fluoroscopy import read_biplane
     from ..segmentation import segment_xray
 
-    acquisition = read_biplane(*arguments.inputs)
+    if arguments.describe:
+        return _describe(arguments)
+    if arguments.output is None:
+        raise InputError("--output", "is missing", "name a folder for the results; see --help")
+    acquisition = read_biplane(arguments.inputs, dsa=arguments.dsa)
     origin = None
     if arguments.dicom_sr or arguments.dicom_seg:
         from ..dicom_out import read_origin  # before a long run: it may refuse
@@ -49,3 +69,12 @@ def run(arguments: argparse.Namespace) -> int:
 
         write_dicom_objects(acquisition, segment_xray, origin, arguments)
     return code
+
+
+def _describe(arguments: argparse.Namespace) -> int:
+    """Print what is understood of the run."""
+    from ..fluoroscopy import describe_biplane, description_text
+
+    description = describe_biplane(arguments.inputs, dsa=arguments.dsa)
+    print(json.dumps(description, indent=1) if arguments.json else description_text(description))
+    return 0

@@ -74,7 +74,7 @@ def _options(arguments: Arguments) -> Options:
 def _record(acquisition: Acquisition, arguments: Arguments) -> dict[str, Any]:
     """What makes a call this call: the same one goes on where it stopped."""
     shaping = ("method", "nodes", "base", "direction", "length", "radius", "frames", "samples",
-               "spacing", "rate")  # fmt: skip
+               "spacing", "rate", "dsa")  # fmt: skip
     inputs = list(acquisition.sources)
     if getattr(arguments, "rig", None):
         inputs.append(Path(arguments.rig))

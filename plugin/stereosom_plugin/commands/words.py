@@ -7,10 +7,12 @@ import argparse
 from stereosom.reconstruct import DEFAULT_METHOD, METHODS
 
 
-def add_run_words(parser: argparse.ArgumentParser, output: str | None = None) -> None:
+def add_run_words(
+    parser: argparse.ArgumentParser, output: str | None = None, *, output_required: bool = True
+) -> None:
     """Add the words that every command shares which reconstructs a run."""
     parser.add_argument(
-        "--output", required=output is None, default=output, metavar="OUT",
+        "--output", required=output_required and output is None, default=output, metavar="OUT",
         help="folder for the .vtp files, the table and the pictures"
         + (f" (default: {output})" if output else ""),
     )  # fmt: skip

@@ -90,6 +90,10 @@ class Run:
             tuple(header.text("SOPInstanceUID") for header in headers),
             views,
             self.notes,
+            (
+                [self.a.source(int(frame)) for frame in self.frames_a],
+                [self.b.source(int(frame)) for frame in self.frames_b],
+            ),
         )
 
 

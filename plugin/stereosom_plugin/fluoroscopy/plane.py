@@ -9,7 +9,7 @@ import numpy as np
 
 from stereosom.arrays import Floats
 from stereosom.observation import picture_border
-from stereosom_plugin.acquisition import Image
+from stereosom_plugin.acquisition import Image, SourceFrame
 
 from .geometry import Pose
 from .header import Header, label
@@ -84,6 +84,13 @@ class Plane:
             if number in subtraction.masks:
                 return subtraction.apply(self._light, number)
         return self._light(number)
+
+    def source(self, index: int) -> SourceFrame:
+        """Where a frame lies."""
+        number = self.numbers[index]
+        if len(self.headers) > 1:
+            return SourceFrame(self.headers[number].path, 0)
+        return SourceFrame(self.headers[0].path, number)
 
     def part(self, indices: Sequence[int]) -> Plane:
         """Only some of the frames."""

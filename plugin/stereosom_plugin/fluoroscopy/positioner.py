@@ -163,8 +163,8 @@ def _distances(header: Header) -> tuple[float, float, list[str]]:
     if magnification is not None and not 1 < magnification < 10:
         raise _absurd(header, "EstimatedRadiographicMagnificationFactor", "above 1 and below 10")
     # The standard defines the magnification as the ratio of the two.
-    follows = f"follow from {label('EstimatedRadiographicMagnificationFactor')}"
-    usual = "as usual for a C-arm, are assumed: lengths may be wrong by a tenth"
+    follows = f"follows from {label('EstimatedRadiographicMagnificationFactor')}"
+    usual = "is assumed, as usual for a C-arm: lengths may be wrong by a tenth"
     if sid is None:
         if sod is not None and magnification is not None:
             sid, source = sod * magnification, follows
