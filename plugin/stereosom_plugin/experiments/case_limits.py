@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def _row(case: Path) -> str:
     return line + ("  turned" if found.turned else "")
 
 
-def _cells(*numbers: float) -> str:
+def _cells(*numbers: Any) -> str:
     return "".join(f"{number:9.3f}" for number in numbers)
 
 

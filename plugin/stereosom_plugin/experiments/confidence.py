@@ -57,7 +57,7 @@ class Offsets:
     @property
     def ends(self) -> Booleans:
         """Which points are ends, (n,)."""
-        return self.freedom == 3
+        return np.asarray(self.freedom == 3)
 
 
 def offsets(
@@ -94,8 +94,8 @@ def offsets(
                   < _gap(found.base, points[0]) + _gap(found.tip, points[-1]))  # fmt: skip
     if turned:
         # Its covariance follows, as it is by equal steps; so does what is derived of it.
-        result = replace(result, backbone=found.reversed(), covariance=result.covariance[::-1])
-        found = result.backbone
+        found = found.reversed()
+        result = replace(result, backbone=found, covariance=result.covariance[::-1])
     _, at = closest_on_curve(points, found)
     freedom = np.full(count, 2)
     for place, end, true_end in ((0, 0.0, 0.0), (-1, found.length, truth.length)):

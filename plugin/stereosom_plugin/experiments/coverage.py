@@ -4,12 +4,12 @@ Rendered devices of several kinds, their edges roughened by several amplitudes o
 reconstructed, and 100 true points of each are looked for in the stated regions. From a script:
 
 >>> from stereosom_plugin.experiments import coverage
->>> text = coverage.as_text(coverage.summary(coverage.measure(count=4)))  # doctest: +SKIP
+>>> from stereosom_plugin.experiments.tables import markdown
+>>> print(markdown(coverage.summary(coverage.measure(count=4))))  # doctest: +SKIP
 """
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +29,7 @@ from .confidence import Offsets, offsets
 from .cramer_rao import Bound, cramer_rao_bound
 from .devices import FAMILIES
 from .rough_masks import coverage, deviation, observe
+from .tables import markdown, write_csv
 
 ROUGHNESS = (0.0, 0.2, 0.4, 0.8)
 """Standard deviations of the edges, px, beside their rounding to pixels."""
@@ -172,14 +173,6 @@ def curves(simulations: Sequence[Simulation]) -> list[dict[str, Any]]:
     return rows
 
 
-def as_text(table: Sequence[dict[str, Any]]) -> str:
-    """The rows as a Markdown table."""
-    names = list(table[0])
-    lines = ["| " + " | ".join(names) + " |", "|" + " --- |" * len(names)]
-    lines += ["| " + " | ".join(str(row[name]) for name in names) + " |" for row in table]
-    return "\n".join(lines)
-
-
 # ---- the experiment ------------------------------------------------------------------
 
 
@@ -196,12 +189,12 @@ def run(output: Path, *, progress: Progress = iter, count: int = 24) -> str:
     output.mkdir(parents=True, exist_ok=True)
     simulations = measure(count, progress=progress)
     table = summary(simulations)
-    _write(output / "coverage.csv", table)
+    write_csv(output / "coverage.csv", table)
     shares = curves(simulations)
-    _write(output / "coverage_levels.csv", shares)
-    _write(output / "coverage_runs.csv", [_run_row(one) for one in simulations])
+    write_csv(output / "coverage_levels.csv", shares)
+    write_csv(output / "coverage_runs.csv", [_run_row(one) for one in simulations])
     _draw(output / "coverage.png", shares, simulations)
-    return as_text(table)
+    return markdown(table)
 
 
 def _run_row(one: Simulation) -> dict[str, Any]:
@@ -210,13 +203,6 @@ def _run_row(one: Simulation) -> dict[str, Any]:
     del row["group"], row["runs"], row["found"]
     reason = "" if one.result.ok else one.result.reason
     return row | {"status": one.result.status, "seconds": round(one.seconds, 3), "reason": reason}
-
-
-def _write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    with write_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
 
 
 def _draw(path: Path, shares: Sequence[dict[str, Any]], simulations: Sequence[Simulation]) -> None:

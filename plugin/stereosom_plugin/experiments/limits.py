@@ -7,15 +7,15 @@ Cramér–Rao bound of the same curve before the same cameras (`cramer_rao`).
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from stereosom.arrays import Floats
 from stereosom.reconstruct import reconstruct
 from stereosom.synthetic import converging_rig
 
@@ -26,6 +26,7 @@ from .confidence import offsets
 from .cramer_rao import cramer_rao_bound
 from .devices import Device, random_curve
 from .rough_masks import coverage, deviation, observe
+from .tables import markdown, write_csv
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Setting:
         return Device(random_curve(seed), self.radius_mm, rig)
 
 
-SWEEPS: MappingProxyType[str, Sequence[float]] = MappingProxyType(
+SWEEPS: MappingProxyType[str, Sequence[Any]] = MappingProxyType(
     {
         "roughness_px": (0.0, 0.1, 0.2, 0.4, 0.8, 1.6),
         "convergence_deg": (10, 20, 30, 45, 60, 90),
@@ -101,8 +102,8 @@ def measure(
     return [_reach(name, value, seed) for name, value, seed in progress(jobs)]
 
 
-def _reach(varied: str, value: float, seed: int) -> Reached:
-    setting = Setting(**{varied: int(value) if varied == "width_px" else value})
+def _reach(varied: str, value: Any, seed: int) -> Reached:
+    setting = replace(Setting(), **{varied: value})
     device = setting.device(seed)
     noise = deviation(setting.roughness_px)
     bound = cramer_rao_bound(device.curve, device.radius, device.rig, deviation_px=noise)
@@ -129,7 +130,7 @@ def _reach(varied: str, value: float, seed: int) -> Reached:
     return Reached(varied, value, seed, **errors, **bounds, reason=reason)
 
 
-def _rms(values: np.ndarray) -> float:
+def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
@@ -164,20 +165,10 @@ def run(output: Path, *, progress: Progress = iter, shapes: int = 5) -> str:
     output.mkdir(parents=True, exist_ok=True)
     reached = measure(shapes=shapes, progress=progress)
     table = summary(reached)
-    _write(output / "limits.csv", table)
-    _write(output / "limits_runs.csv", [vars(one) for one in reached])
+    write_csv(output / "limits.csv", table)
+    write_csv(output / "limits_runs.csv", [vars(one) for one in reached])
     _draw(output / "limits.png", table)
-    names = list(table[0])
-    lines = ["| " + " | ".join(names) + " |", "|" + " --- |" * len(names)]
-    lines += ["| " + " | ".join(str(row[name]) for name in names) + " |" for row in table]
-    return "\n".join(lines)
-
-
-def _write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    with write_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    return markdown(table)
 
 
 def _draw(path: Path, table: Sequence[dict[str, Any]]) -> None:

@@ -94,4 +94,5 @@ def observe(
 ) -> Observation:
     """What both views show of a tube, from its coverage in each."""
     rng = np.random.default_rng(seed)
-    return Observation.from_masks(*(roughened(view, roughness, rng) for view in covered), rig)
+    mask_a, mask_b = (roughened(view, roughness, rng) for view in covered)
+    return Observation.from_masks(mask_a, mask_b, rig)
