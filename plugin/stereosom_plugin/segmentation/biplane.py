@@ -1,0 +1,133 @@
+"""Both views of a run, frame after frame: each helps the other, and the next."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stereosom.arrays import Floats
+from stereosom.backbone import Backbone
+from stereosom.camera import Camera, StereoRig
+from stereosom_plugin.acquisition import Acquisition, FramePair
+
+from .both_views import agreeing, end_caps
+from .picture import Mask
+from .tube import Tube
+from .xray import Candidate, View, candidates, fill, fit, prepare
+
+# Half the width of the band about where the device was, px of the search.
+BAND = 24.0
+# What is found in the band is believed where its length and absorption have changed by less than
+# these shares.
+LENGTH_CHANGE, ABSORPTION_CHANGE = 0.3, 0.4
+
+
+class BiplaneSegmenter:
+    """Segments both views of a run's frames, in order.
+
+    The first frame is searched whole: of the lines in both views, the two that agree best are
+    the device. From then on it is looked for in a band about where it was, and everywhere
+    again where it is not found there.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        Where the views stood, and their fields.
+
+    Attributes
+    ----------
+    tubes : pair of Tube or None
+        What was seen last.
+    """
+
+    def __init__(self, acquisition: Acquisition) -> None:
+        self.fields: tuple[Any, Any] = acquisition.field_of_view or (None, None)
+        self.tubes: tuple[Tube | None, Tube | None] = (None, None)
+
+    def __call__(self, pair: FramePair, expected: Backbone | None = None) -> tuple[Mask, Mask]:
+        """Masks of both views.
+
+        Parameters
+        ----------
+        pair : FramePair
+        expected : Backbone, optional
+            Where the device is expected. Default: where it was seen last.
+        """
+        views = tuple(
+            prepare(image, field_of_view=field)
+            for image, field in zip((pair.image_a, pair.image_b), self.fields, strict=True)
+        )
+        view_a, view_b = views
+        found = self._followed(views, pair.rig, expected)
+        if found is None:
+            found = _searched(view_a, view_b, pair.rig)
+        tube_a, tube_b = found
+        caps = ((0.0, 0.0), (0.0, 0.0))
+        if tube_a is not None and tube_b is not None:
+            caps = end_caps(pair.rig, tube_a, tube_b)
+        self.tubes = found
+        mask_a, mask_b = (
+            np.zeros(view.log.shape, dtype=bool) if tube is None else fill(view, tube, cap)
+            for view, tube, cap in zip(views, found, caps, strict=True)
+        )
+        return mask_a, mask_b
+
+    def _followed(
+        self, views: tuple[View, ...], rig: StereoRig, expected: Backbone | None
+    ) -> tuple[Tube, Tube] | None:
+        """Tubes near where they were, or None where they are not to be found there."""
+        last_a, last_b = self.tubes
+        if last_a is None or last_b is None:
+            return None
+        seen: list[Tube] = []
+        for view, last, camera in zip(views, (last_a, last_b), (rig.a, rig.b), strict=True):
+            near = last.line if expected is None else _projected(expected, camera)
+            lines = candidates(view, near, BAND)
+            if not lines:
+                return None
+            tube = fit(view, max(lines, key=_likeness_to(last)), last.blur)
+            if tube is None or not _goes_on(last, tube):
+                return None
+            seen.append(tube)
+        return seen[0], seen[1]
+
+
+def _searched(view_a: View, view_b: View, rig: StereoRig) -> tuple[Tube | None, Tube | None]:
+    """Tubes of the two lines, one of each view, that agree best."""
+    seen_a, seen_b = candidates(view_a), candidates(view_b)
+    for _ in range(3):
+        pair = agreeing(rig, seen_a, seen_b)
+        if pair is None:
+            break
+        tube_a, tube_b = fit(view_a, pair[0]), fit(view_b, pair[1])
+        if tube_a is not None and tube_b is not None:
+            return tube_a, tube_b
+        seen_a = [one for one in seen_a if tube_a is not None or one is not pair[0]]
+        seen_b = [one for one in seen_b if tube_b is not None or one is not pair[1]]
+    return None, None
+
+
+def _likeness_to(last: Tube) -> Any:
+    """How likely a line is the tube that was seen last, as a function of the line."""
+
+    def likeness(line: Candidate) -> float:
+        quotient = np.log(line.absorption / last.absorption)
+        return line.likely * float(np.exp(-((quotient / 0.5) ** 2)))
+
+    return likeness
+
+
+def _goes_on(last: Tube, tube: Tube) -> bool:
+    """Whether a tube can be what was seen last."""
+    return (
+        abs(np.log(tube.length / last.length)) < LENGTH_CHANGE
+        and abs(np.log(tube.absorption / last.absorption)) < ABSORPTION_CHANGE
+        and sum(tube.enters) == sum(last.enters)
+    )
+
+
+def _projected(curve: Backbone, camera: Camera) -> Floats:
+    """A backbone in a picture, a point per pixel, px."""
+    points = camera.project(curve.sample(max(50, int(curve.length * 4))))
+    return np.asarray(points)

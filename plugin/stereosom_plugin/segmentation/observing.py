@@ -1,0 +1,81 @@
+"""`observe`: from an acquisition to what both views saw of the device, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from stereosom.backbone import Backbone
+from stereosom.observation import Observation
+from stereosom_plugin.acquisition import Acquisition, FramePair, Image
+from stereosom_plugin.errors import InputError
+
+from .biplane import BiplaneSegmenter
+from .picture import Mask
+from .xray import segment_xray
+
+Segment = Callable[[Image], Mask]
+Expected = Callable[[], Backbone | None]
+Show = Callable[[int, FramePair, Mask, Mask], None]
+
+
+def observe(
+    acquisition: Acquisition,
+    segment: Segment = segment_xray,
+    *,
+    frames: Iterable[int] | None = None,
+    expected: Expected | None = None,
+    show: Show | None = None,
+) -> Iterator[Observation]:
+    """Yield what both views saw, one frame at a time.
+
+    With the default `segment_xray`, both views and the frames before are used too: a line in
+    one view must have its partner in the other, and is looked for near where it was
+    (`BiplaneSegmenter`).
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+    segment : callable, optional
+        Image to mask, for both views.
+    frames : iterable of int, optional
+        Numbers of the frames that are wanted. Default: all.
+    expected : callable, optional
+        Asked before each frame where the device is expected: a backbone, mm, or None. Default:
+        where it was seen last.
+    show : callable, optional
+        Given each frame's number, pictures, and masks of view a and view b.
+
+    Yields
+    ------
+    Observation
+        One per frame, in that order. A view in which no device was found has no pixels; where
+        a frame cannot be read or segmented, its `defect` says why, and the next one follows.
+
+    Raises
+    ------
+    ValueError
+        Where a mask has another size than its camera's picture: then all of them have.
+    """
+    both = BiplaneSegmenter(acquisition) if segment is segment_xray else None
+    for index in range(len(acquisition)) if frames is None else frames:
+        rig = acquisition.rig(index)
+        mask_a, mask_b = (
+            np.zeros(camera.image_size[::-1], dtype=bool) for camera in (rig.a, rig.b)
+        )
+        described: dict[str, Any] = {"field_of_view": acquisition.field_of_view}
+        try:
+            pair = acquisition[index]
+            if both is not None:
+                mask_a, mask_b = both(pair, expected() if expected else None)
+            else:
+                mask_a, mask_b = segment(pair.image_a), segment(pair.image_b)
+            if show is not None:
+                show(index, pair, mask_a, mask_b)
+        except InputError as error:
+            described["defect"] = str(error)
+        yield Observation.from_masks(
+            mask_a, mask_b, rig, time=float(acquisition.times[index]), index=index, **described
+        )

@@ -1,0 +1,86 @@
+"""What every segmentation begins with: a checked picture, its field, and its logarithm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from stereosom.arrays import check_array
+from stereosom_plugin.errors import InputError, require
+
+Mask = npt.NDArray[np.bool_]
+Gray = npt.NDArray[np.float32]
+
+# Of the brightest light in the picture; where less arrives, nothing can be seen.
+LEAST_LIGHT = 0.01
+
+
+def checked(image: Any) -> Gray:
+    """Return the image as floats, (rows, columns), or say what is wrong with it.
+
+    Raises
+    ------
+    InputError
+        Where the image has no two dimensions or holds values that are not finite numbers.
+    """
+    array = np.asarray(image)
+    if array.ndim != 2 or array.size == 0:
+        shape = "×".join(map(str, array.shape)) or "a single number"
+        raise InputError("image", f"is {shape}, not rows × columns", "give one gray picture")
+    try:
+        picture: Gray = array.astype(np.float32)
+    except (TypeError, ValueError):
+        raise InputError("image", "does not hold numbers", "give one gray picture") from None
+    if array.dtype.kind == "f" and not np.isfinite(picture).all():
+        raise InputError("image", "holds values that are not finite", "give every pixel a value")
+    return picture
+
+
+def inside(corners: Any, shape: tuple[int, ...]) -> Mask:
+    """Pixels of a picture that lie within a polygon of corners (x, y)."""
+    corners = check_array(corners, "field of view", (None, 2))
+    draw = require("skimage.draw", "fluoroscopy")
+    return np.asarray(draw.polygon2mask(shape, corners[:, ::-1]))
+
+
+def binned(picture: Gray, factor: int) -> Gray:
+    """Mean of blocks of `factor` × `factor` pixels; what is left over at the far edges is dropped.
+
+    Examples
+    --------
+    >>> binned(np.arange(16, dtype=np.float32).reshape(4, 4), 2).tolist()
+    [[2.5, 4.5], [10.5, 12.5]]
+    """
+    if factor == 1:
+        return picture
+    rows, columns = (length // factor for length in picture.shape)
+    whole = picture[: rows * factor, : columns * factor]
+    total = sum(
+        whole[i::factor, j::factor] for i in range(factor) for j in range(factor)
+    )  # far quicker than a mean over two axes
+    return np.asarray(total / np.float32(factor**2), dtype=np.float32)
+
+
+def log_light(picture: Gray) -> Gray:
+    """Natural logarithm of the light; darkness is held at `LEAST_LIGHT` of the brightest."""
+    brightest = float(picture[::4, ::4].max(initial=0)) or float(picture.max(initial=0))
+    return np.asarray(np.log(np.maximum(picture, max(LEAST_LIGHT * brightest, 1e-6))))
+
+
+def noise_of(log: Gray, block: int = 16) -> Gray:
+    """Standard deviation of the noise of a picture, block by block, one value per pixel.
+
+    The median over a block of what a blur takes away: a thin device hardly counts.
+    """
+    rough = np.abs(log - ndimage.uniform_filter(log, 3))
+    rows, columns = (max(1, length // block) for length in log.shape)
+    part = rough[: rows * block, : columns * block]
+    blocks = part.reshape(rows, part.shape[0] // rows, columns, part.shape[1] // columns)
+    # A 3 × 3 mean takes 1/9 of the variance of white noise away with it.
+    level = 1.4826 * np.median(blocks, axis=(1, 3)) / np.sqrt(8 / 9)
+    row = np.minimum(np.arange(log.shape[0]) * rows // part.shape[0], rows - 1)
+    column = np.minimum(np.arange(log.shape[1]) * columns // part.shape[1], columns - 1)
+    return np.asarray(level[row][:, column], dtype=np.float32)

@@ -1,0 +1,339 @@
+"""From a chain of pixels to a tube: its middle line, width and ends to a fraction of a pixel.
+
+The picture is straightened along the chain. What the device absorbs is then a profile, the same
+(but for noise) at each step: the chord through a round body, blurred by the imaging system. Its
+center gives the middle line, its shape the width, its end along the line the tip.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+from scipy.optimize import least_squares
+from scipy.special import ndtr
+
+from stereosom.arrays import Floats
+
+from .picture import Gray, Mask
+
+# Steps along and across the straightened picture, px.
+ALONG, ACROSS = 1.0, 0.5
+# The blur of an X-ray system with pixels of its own resolution, and how sure that is, px.
+BLUR, BLUR_SPREAD = 0.8, 0.3
+# A tube ends where it absorbs this share of the light that it does before. A half marks the end
+# of a blurred tube seen from the side; more, that of one seen obliquely, which fades out.
+END_SHARE = 0.55
+# How far beyond the last point of a chain its end is looked for, px.
+REACH = 16
+PASSES = 7
+# Knots of the chords that make a profile, of half a width.
+_OFFSETS = (np.arange(48) + 0.5) / 48
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """A device in one picture.
+
+    `line` (n, 2) is its middle line, px, with steps of about one pixel; `radius` (n,) half its
+    width, px; `absorption` the typical one of its axis, natural logarithm; `blur` the standard
+    deviation of the imaging system, px; `enters` whether each end lies at the border of the
+    field, and is none.
+    """
+
+    line: Floats
+    radius: Floats
+    absorption: float
+    blur: float
+    enters: tuple[bool, bool]
+
+    @property
+    def length(self) -> float:
+        """Along the middle line, px."""
+        return float(np.linalg.norm(np.diff(self.line, axis=0), axis=1).sum())
+
+
+def fit_tube(
+    log: Gray,
+    points: Floats,
+    *,
+    enters: tuple[bool, bool],
+    greatest_width: float,
+    blur: float | None = None,
+) -> Tube | None:
+    """Fit a tube to the picture along a chain of points.
+
+    Parameters
+    ----------
+    log : (rows, columns) array
+        Logarithm of the light.
+    points : (n, 2) array
+        Along the device, to a few pixels.
+    enters : (bool, bool)
+        Which ends lie at the border of the field.
+    greatest_width : float
+        Of the device, px.
+    blur : float, optional
+        Of the imaging system, px, where it is known from another frame.
+
+    Returns
+    -------
+    Tube or None
+        None where the picture shows no tube along these points.
+    """
+    line = _even(points)
+    if len(line) < 8:
+        return None
+    half = greatest_width / 2
+    last_size = 0.0
+    for attempt in range(PASSES):
+        longer = _extended(line, REACH, smooth=4.0 if attempt == 0 else 1.5)
+        darkness, across = _straightened(log, longer, half)
+        half = _half_width(darkness[REACH:-REACH], across)
+        before = _end(darkness[::-1], across, half, enters[0])
+        behind = _end(darkness, across, half, enters[1])
+        size = before + behind - len(longer)
+        settled = attempt >= 2 and abs(size - last_size) < 0.1
+        last_size = size
+        first, last = len(longer) - 1 - before, behind
+        if last - first < 8:
+            return None
+        if settled or attempt == PASSES - 1:
+            break
+        center = _center(darkness, across, half, first, last)
+        line = longer + center[:, None] * _normals(longer)
+        line = _even(line[max(0, int(first)) : int(np.ceil(last)) + 1])
+    begin, end = first, last
+    if end - begin < 8:
+        return None
+    place = np.linspace(begin, end, int(end - begin) + 2)
+    steps = np.arange(len(longer))
+    middle = np.column_stack([np.interp(place, steps, longer[:, i]) for i in (0, 1)])
+    body = slice(int(begin) + 3, max(int(end) - 2, int(begin) + 6))
+    fitted = _profile(darkness[body], across, half, blur)
+    if fitted is None:
+        return None
+    radius, absorption, found_blur = fitted
+    return Tube(middle, np.interp(place, steps[body], radius), absorption, found_blur, enters)
+
+
+def draw(tube: Tube, shape: tuple[int, int], caps: tuple[float, float] = (0.0, 0.0)) -> Mask:
+    """Pixels whose centers a tube covers.
+
+    Parameters
+    ----------
+    tube : Tube
+    shape : (rows, columns)
+    caps : (float, float)
+        How far the round of each flat end face, seen obliquely, reaches beyond the middle
+        line's end, px.
+    """
+    from skimage.draw import polygon
+
+    mask = np.zeros(shape, dtype=bool)
+    line = tube.line
+    if any(tube.enters):  # beyond the border, so that no gap is left there
+        line = _extended(line, 12)[0 if tube.enters[0] else 12 : None if tube.enters[1] else -12]
+    radius = np.interp(
+        np.linspace(0, 1, len(line)), np.linspace(0, 1, len(tube.radius)), tube.radius
+    )
+    offset = radius[:, None] * _normals(line)
+    left, right = line + offset, line - offset
+    for start in range(0, len(line) - 1, 6):
+        part = slice(start, start + 7)
+        outline = np.concatenate([left[part], right[part][::-1]])
+        mask[polygon(outline[:, 1], outline[:, 0], shape)] = True
+    around = np.linspace(0, 2 * np.pi, 40)
+    for end, reach in ((0, caps[0]), (-1, caps[1])):
+        if reach > 0.2 and not tube.enters[end]:
+            normal = _normals(line)[end]
+            along = np.array([normal[1], -normal[0]])
+            outline = line[end] + np.outer(np.cos(around), reach * along)
+            outline += np.outer(np.sin(around), radius[end] * normal)
+            mask[polygon(outline[:, 1], outline[:, 0], shape)] = True
+    return mask
+
+
+def _even(points: Floats) -> Floats:
+    """The same line with steps of `ALONG`."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    along = np.append(0.0, np.cumsum(steps))
+    count = max(2, round(along[-1] / ALONG) + 1)
+    place = np.linspace(0, along[-1], count)
+    return np.column_stack([np.interp(place, along, points[:, i]) for i in (0, 1)])
+
+
+def _extended(line: Floats, by: int, smooth: float = 0.0) -> Floats:
+    """A line with `by` more steps at each end, straight on from the last ten."""
+    back = min(10, len(line) - 1)
+    step = np.arange(1, by + 1)[:, None]
+    before = line[0] + step[::-1] * (line[0] - line[back]) / back
+    behind = line[-1] + step * (line[-1] - line[-1 - back]) / back
+    longer = np.concatenate([before, line, behind])
+    return ndimage.gaussian_filter1d(longer, smooth, axis=0) if smooth else longer
+
+
+def _normals(line: Floats) -> Floats:
+    tangent = np.gradient(line, axis=0)
+    tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-9)
+    return np.column_stack([-tangent[:, 1], tangent[:, 0]])
+
+
+def _straightened(log: Gray, line: Floats, half: float) -> tuple[Floats, Floats]:
+    """What is absorbed, (n, m), along a line and across it, and the m places across, px.
+
+    What lies behind is drawn straight from one side of the device to the other.
+    """
+    near, far = half + 2.0, half + 6.0
+    count = int(np.ceil(far / ACROSS))
+    across = ACROSS * np.arange(-count, count + 1)
+    place = line[:, None] + across[:, None] * _normals(line)[:, None]
+    straight = ndimage.map_coordinates(log, [place[..., 1], place[..., 0]], order=1, mode="nearest")
+    sides = []
+    for beside in ((across <= -near), (across >= near)):
+        level = np.median(straight[:, beside], axis=1)
+        sides.append(ndimage.gaussian_filter1d(ndimage.median_filter(level, 5), 1.5))
+    middle = (near + far) / 2
+    share = (across + middle) / (2 * middle)
+    behind = sides[0][:, None] * (1 - share) + sides[1][:, None] * share
+    return behind - straight, across
+
+
+def _half_width(darkness: Floats, across: Floats) -> float:
+    """Half of the width within which more than half of the greatest absorption lies, px."""
+    profile = ndimage.gaussian_filter1d(np.median(darkness, axis=0), 1.0)
+    wide = profile > 0.4 * profile.max()
+    return max(0.5 * ACROSS * float(wide.sum()), 1.0)
+
+
+def _center(darkness: Floats, across: Floats, half: float, first: float, last: float) -> Floats:
+    """How far the device's center lies beside the line, (n,), px, smooth along it.
+
+    Beyond the first and the last step of the device it goes straight on.
+    """
+    near = np.abs(across) <= half + 2
+    weight = np.clip(ndimage.gaussian_filter1d(darkness[:, near], 2.0, axis=0), 0, None)
+    weight = weight**2  # the device, not what lies beside it
+    center = weight @ across[near] / np.maximum(weight.sum(axis=1), 1e-6)
+    begin, end = int(np.ceil(first)) + 1, max(int(last) - 1, int(first) + 6)
+    inner = ndimage.median_filter(center[begin:end], 7, mode="nearest")
+    # Mirrored through its ends, a line keeps its direction there when it is smoothed.
+    count = min(12, len(inner) - 1)
+    mirrored = np.concatenate(
+        [2 * inner[0] - inner[count:0:-1], inner, 2 * inner[-1] - inner[-2 : -count - 2 : -1]]
+    )
+    inner = ndimage.gaussian_filter1d(mirrored, 2.5)[count : len(mirrored) - count]
+    steps = np.arange(len(center))
+    back = min(6, len(inner) - 1)
+    before = inner[0] + (steps[:begin] - begin) * (inner[back] - inner[0]) / back
+    behind = inner[-1] + (steps[end:] - end + 1) * (inner[-1] - inner[-1 - back]) / back
+    return np.concatenate([before, inner, behind])
+
+
+def _end(darkness: Floats, across: Floats, half: float, enters: bool) -> float:
+    """Where the tube ends, in steps; the last step where it goes on beyond what is searched."""
+    last = len(darkness) - 1
+    if enters:
+        return float(last - REACH)
+    core = np.abs(across) <= max(0.6 * half, ACROSS)
+    taken = 1 - np.exp(-np.median(darkness[:, core], axis=1))
+    smooth = ndimage.gaussian_filter1d(taken, 0.8)
+    usual = float(np.median(smooth[REACH:-REACH]))
+    present = smooth >= END_SHARE * usual
+    # The outermost step that most of the steps before it agree with: a short fade (something
+    # bright behind) is no end, and what is fainter beyond the end does not belong to it.
+    agree = ndimage.uniform_filter1d(present.astype(float), 21, origin=10, mode="nearest")
+    good = np.flatnonzero(present & (agree >= 0.75))
+    if len(good) == 0 or good[-1] == last:
+        return float(last)
+    outermost = int(good[-1])
+    # The end to a fraction of a step: where the share of what is taken there is crossed.
+    level = END_SHARE * float(np.median(smooth[max(0, outermost - 12) : outermost - 3]))
+    start = max(outermost - 3, 1)
+    below = np.flatnonzero(smooth[start:] < level)
+    if len(below) == 0:
+        return float(outermost)
+    first = start + int(below[0])
+    high, low = smooth[first - 1], smooth[first]
+    return first - 1 + float(np.clip((high - level) / max(high - low, 1e-9), 0, 1))
+
+
+def _profile(
+    darkness: Floats, across: Floats, half: float, blur: float | None
+) -> tuple[Floats, float, float] | None:
+    """Radius along the device (n,), absorption on the axis, and blur, of what fits best."""
+    near = np.abs(across) < half + 3
+    place = across[near]
+
+    def residual(parameters: Floats, taken: Floats) -> Floats:
+        radius, absorption, center, spread = parameters
+        model = _blurred_chords(place - center, radius, absorption, spread)
+        scale = 0.02 * np.sqrt(len(place))
+        return np.append(model - taken, scale * (spread - (blur or BLUR)) / BLUR_SPREAD)
+
+    taken = 1 - np.exp(-np.median(darkness[:, near], axis=0))
+    most = float(np.clip(taken.max(), 0.02, 0.98))
+    spread = blur or BLUR
+    start = [max(half, 0.6), -np.log(1 - most), 0.0, spread]
+    # A known blur stays as it is.
+    low = [0.4, 0.01, -2.0, 0.3 if blur is None else 0.999 * spread]
+    high = [3 * half + 2, 6.0, 2.0, 2.5 if blur is None else 1.001 * spread]
+    whole = least_squares(residual, np.clip(start, low, high), bounds=(low, high), args=(taken,))
+    if not np.isfinite(whole.x).all():
+        return None
+    radius, absorption, center, spread = whole.x
+    # The radius changes along the device, by perspective or its own make: by a straight line.
+    stretches = min(5, len(darkness) // 40)
+    radii = np.full(len(darkness), radius)
+    if stretches >= 3:
+        found, places = [], []
+        for rows in np.array_split(np.arange(len(darkness)), stretches):
+            part = 1 - np.exp(-np.median(darkness[rows][:, near], axis=0))
+
+            def of_radius(free: Floats, part: Floats = part) -> Floats:
+                return residual(np.array([free[0], free[1], center, spread]), part)[:-1]
+
+            one = least_squares(of_radius, [radius, absorption], bounds=(low[:2], high[:2]))
+            found.append(one.x[0])
+            places.append(rows.mean())
+        slope = _robust_slope(np.array(places), np.array(found))
+        steps = np.arange(len(darkness)) - np.mean(places)
+        radii = np.clip(np.median(found) + slope * steps, 0.7 * radius, 1.4 * radius)
+    return radii, float(absorption), float(spread)
+
+
+def _robust_slope(x: Floats, y: Floats) -> float:
+    """Median of the slopes between all pairs of points (Theil and Sen)."""
+    i, j = np.triu_indices(len(x), 1)
+    return float(np.median((y[j] - y[i]) / (x[j] - x[i])))
+
+
+def _blurred_chords(place: Floats, radius: float, absorption: float, blur: float) -> Floats:
+    """Share of light that a round tube takes at places across it, after a Gaussian blur.
+
+    The profile is a sum of nested boxes, whose blur is a difference of normal distributions.
+    """
+    taken = 1 - np.exp(-absorption * np.sqrt(1 - _OFFSETS**2))
+    weight = taken - np.append(taken[1:], 0.0)
+    edge = radius * (_OFFSETS + 0.5 / len(_OFFSETS))
+    inside = ndtr((place[:, None] + edge) / blur) - ndtr((place[:, None] - edge) / blur)
+    return np.asarray(inside @ weight)
+
+
+def edge_share(tube: Tube, further_blur: float = 0.0) -> float:
+    """Light that a tube takes at its edge, as a share of what it takes at its axis."""
+    blur = float(np.hypot(tube.blur, further_blur))
+    radius = float(np.median(tube.radius))
+    axis, edge = _blurred_chords(np.array([0.0, radius]), radius, tube.absorption, blur)
+    return float(edge / axis)
+
+
+def scaled(tube: Tube, factor: float) -> Tube:
+    """The same tube in a picture whose pixels are `factor` times as small."""
+    return replace(
+        tube,
+        line=(tube.line + 0.5) * factor - 0.5,
+        radius=tube.radius * factor,
+        blur=tube.blur * factor,
+    )

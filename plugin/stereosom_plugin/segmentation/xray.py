@@ -1,0 +1,214 @@
+"""One X-ray picture: where a device may be, which line it is, and its mask."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+from stereosom.arrays import Floats
+
+from .chains import Chain, find_chains
+from .folds import add_folds
+from .picture import LEAST_LIGHT, Gray, Mask, binned, checked, inside, log_light
+from .ridges import SCALES, find_ridges
+from .tube import Tube, draw, fit_tube
+
+# The search is made where the longer side of the picture has about so many pixels.
+SEARCH_SIDE = 512
+# Greatest width of a device, px of the search.
+WIDEST = 12.0
+# Absorption, natural logarithm, below which one picture alone shows no device: anatomy does so too.
+LEAST_ALONE = 0.25
+# Greatest variation of the absorption along a device, as a share of it.
+MOST_VARIATION = 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A line that may be the device: points (n, 2), px of the whole picture, and how likely."""
+
+    points: Floats
+    enters: tuple[bool, bool]
+    absorption: float
+    likely: float
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One picture, prepared: the logarithm of its light, the field, and how it is searched.
+
+    `coarse` is the logarithm where the search is made, `factor` how many pixels make one there,
+    `margin` the distance to the border of the field, px, at every fourth pixel of the search.
+    """
+
+    log: Gray
+    coarse: Gray
+    factor: int
+    margin: Gray
+    greatest_width: float
+
+    def distance_to_border(self, points: Floats) -> Floats:
+        """Of points (n, 2), px of the whole picture, to the border of the field, px."""
+        at = np.rint(points / (4 * self.factor)).astype(int)
+        column = np.clip(at[:, 0], 0, self.margin.shape[1] - 1)
+        row = np.clip(at[:, 1], 0, self.margin.shape[0] - 1)
+        height, width = self.log.shape
+        x, y = points.T
+        picture = np.minimum(np.minimum(x, width - 1 - x), np.minimum(y, height - 1 - y))
+        field = self.margin[row, column] * self.factor * 4 - 2 * self.factor
+        return np.minimum(picture, np.where(self.margin[row, column] < 1e3, field, np.inf))
+
+
+def segment_xray(
+    image: Any, *, field_of_view: Any | None = None, width_px: float | None = None
+) -> Mask:
+    """Find the pixels of one dark tube, metal in an X-ray picture.
+
+    Dark lines are found at the scales of a device and linked across gaps and crossings; of
+    those, the one that absorbs most, evenly, over its length, and comes from outside is the
+    device. Its middle line, width and ends are then fitted to a fraction of a pixel.
+
+    Parameters
+    ----------
+    image : (rows, columns) array
+        In proportion to the light: dark where much is absorbed.
+    field_of_view : (m, 2) array, optional
+        Corners (x, y), px, of the region in which the picture shows anything.
+    width_px : float, optional
+        Greatest width that the device may have. Default: 12 px per 512 px of picture.
+
+    Returns
+    -------
+    (rows, columns) array of bool
+        True on the device, filled to its edges; all False where none is seen.
+
+    Raises
+    ------
+    InputError
+        Where the image has no two dimensions or holds values that are not finite.
+
+    Examples
+    --------
+    >>> picture = np.full((200, 200), 1000)
+    >>> picture[50:, 98:103] = 250  # enters from below, 5 pixels wide
+    >>> mask = segment_xray(picture)
+    >>> mask[100].nonzero()[0]
+    array([ 98,  99, 100, 101, 102])
+    """
+    view = prepare(image, field_of_view=field_of_view, width_px=width_px)
+    for candidate in candidates(view)[:4]:
+        if candidate.absorption < LEAST_ALONE:
+            continue
+        tube = fit(view, candidate)
+        if tube is not None:
+            return fill(view, tube)
+    return np.zeros(view.log.shape, dtype=bool)
+
+
+def prepare(image: Any, *, field_of_view: Any | None = None, width_px: float | None = None) -> View:
+    """Take the logarithm of a picture, and find out where anything can be seen."""
+    picture = checked(image)
+    side = max(picture.shape)
+    factor = max(1, round(side / SEARCH_SIDE))
+    log = log_light(picture)
+    coarse = log if factor == 1 else log_light(binned(picture, factor))
+    # Where light comes, at every fourth pixel: a device is bridged, a collimator is not.
+    lit = picture[:: 4 * factor, :: 4 * factor] > LEAST_LIGHT * float(picture.max())
+    lit = ndimage.binary_closing(np.pad(lit, 4, mode="edge"), iterations=4)[4:-4, 4:-4]
+    if field_of_view is not None:
+        lit &= inside(np.asarray(field_of_view, dtype=float) / (4 * factor), lit.shape)
+    if lit.all():
+        margin = np.full(lit.shape, 1e6)
+    else:
+        margin = ndimage.distance_transform_edt(lit)
+    width = WIDEST * side / SEARCH_SIDE if width_px is None else width_px
+    return View(log, coarse, factor, margin.astype(np.float32), float(width))
+
+
+def candidates(view: View, near: Floats | None = None, band: float = 24.0) -> list[Candidate]:
+    """Lines of a picture that may be the device, the likeliest first.
+
+    Parameters
+    ----------
+    view : View
+    near : (n, 2) array, optional
+        A line, px of the whole picture, about which to look.
+    band : float
+        How far from it, px of the search.
+    """
+    coarse, origin = view.coarse, np.zeros(2)
+    field = _field(view)
+    if near is not None:
+        window, around = _band(near / view.factor, band, coarse.shape)
+        coarse = coarse[window]
+        field = around if field is None else around & field[window]
+        origin = np.array([window[1].start, window[0].start], dtype=float)
+    width = view.greatest_width / view.factor
+    wide = tuple(scale for scale in SCALES if scale[1] < width + 1) or SCALES[:1]
+    found = find_chains(find_ridges(coarse, wide), field)
+    whole = [
+        _candidate(view, chain, (chain.points + origin + 0.5) * view.factor - 0.5)
+        for chain in found[:40]
+    ]
+    return sorted((one for one in whole if one is not None), key=lambda one: -one.likely)
+
+
+def fit(view: View, candidate: Candidate, blur: float | None = None) -> Tube | None:
+    """Fit a tube to the picture along a candidate."""
+    return fit_tube(
+        view.log,
+        candidate.points,
+        enters=candidate.enters,
+        greatest_width=view.greatest_width,
+        blur=blur,
+    )
+
+
+def fill(view: View, tube: Tube, caps: tuple[float, float] = (0.0, 0.0)) -> Mask:
+    """Mask of a tube: its pixels within the field, folded ends included."""
+    rows, columns = view.log.shape
+    mask = draw(tube, (rows, columns), caps)
+    add_folds(mask, view.log, tube)
+    if view.margin.min() < 1:
+        lit = np.kron(view.margin >= 1, np.ones((4 * view.factor,) * 2, dtype=bool))
+        mask &= lit[:rows, :columns]
+    return mask
+
+
+def _candidate(view: View, chain: Chain, points: Floats) -> Candidate | None:
+    """Judge a line; None where it can be no device."""
+    side = max(view.log.shape)
+    length = chain.length * view.factor
+    enters = view.distance_to_border(points[[0, -1]]) < 12 * view.factor
+    # A device comes from outside. One that does not must be long to be believed.
+    if length < (side / 12 if enters.any() else side / 6):
+        return None
+    if chain.variation > MOST_VARIATION or enters.all():
+        return None
+    even = 1 - chain.variation / (2 * MOST_VARIATION)
+    likely = chain.typical * length * even * (1.0 if enters.any() else 0.4)
+    return Candidate(points, (bool(enters[0]), bool(enters[1])), chain.typical, likely)
+
+
+def _field(view: View) -> Mask | None:
+    """Where the search looks: some pixels within the border of the field."""
+    if view.margin.min() > 1e3:
+        return None
+    rows, columns = view.coarse.shape
+    return np.kron(view.margin >= 1.5, np.ones((4, 4), dtype=bool))[:rows, :columns]
+
+
+def _band(line: Floats, band: float, shape: tuple[int, ...]) -> tuple[tuple[slice, slice], Mask]:
+    """Window about a line, with a margin, and its pixels within a band about it."""
+    size = np.array(shape[::-1])
+    low = np.clip(np.floor(line.min(axis=0) - band - 8).astype(int), 0, size - 1)
+    high = np.clip(np.ceil(line.max(axis=0) + band + 9).astype(int), low + 1, size)
+    near = np.zeros(high[::-1] - low[::-1], dtype=bool)
+    at = np.rint(line - low).astype(int)
+    at = at[np.all((at >= 0) & (at < high - low), axis=1)]
+    near[at[:, 1], at[:, 0]] = True
+    near = ndimage.maximum_filter(near, 2 * round(band) + 1)
+    return (slice(low[1], high[1]), slice(low[0], high[0])), near
