@@ -266,7 +266,7 @@ def test_a_file_that_is_not_dicom(tmp_path, sample, capsys):
     [
         ({"b": {"SOPClassUID": "1.2.840.10008.5.1.4.1.1.2", "Modality": "CT"}}, "CT"),
         ({"b": {"StudyInstanceUID": "1.2.3"}}, "stud"),
-        ({"a": {"DistanceSourceToDetector": None}}, "DistanceSourceToDetector"),
+        ({"a": {"PositionerSecondaryAngle": None}}, "PositionerSecondaryAngle"),
         ({"a": {"PositionerPrimaryAngle": None}}, "PositionerPrimaryAngle"),
         ({"a": {"ImagerPixelSpacing": None}}, "ImagerPixelSpacing"),
     ],
