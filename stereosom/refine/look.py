@@ -62,8 +62,9 @@ class Look:
     weight, total, squares : (k,) arrays
         Sums over the edges that belong to each point: of their weights, and of their residuals,
         px, and those squared, times weight.
-    spread : float
-        Of the residuals, px.
+    noise : float
+        Variance of an estimate times the sum of its weights, px²: of the residuals, where all
+        weigh the same.
     stray : float
         Share of the contour that belongs nowhere.
     half_width : float
@@ -78,7 +79,7 @@ class Look:
     weight: Floats
     total: Floats
     squares: Floats
-    spread: float
+    noise: float
     stray: float
     half_width: float
 
@@ -131,9 +132,11 @@ class Look:
             spread = max(_LEAST_SPREAD, 1.4826 * float(np.median(np.abs(residual[kept]))))
             kept &= np.abs(residual) < max(_FARTHEST, _SPREADS * spread)
         nearest, residual = nearest[kept], residual[kept]
-        weight = np.ones(len(residual))
+        weight, holding = np.ones(len(residual)), np.ones(len(residual))
         if gate is None:
-            weight = 1 / (1 + (residual / (2 * max(spread, _LEAST_SPREAD))) ** 2)
+            far = (residual / (2 * max(spread, _LEAST_SPREAD))) ** 2
+            weight = 1 / (1 + far)
+            holding = (1 - far) * weight**2
         k = len(picture)
         return cls(
             picture,
@@ -144,7 +147,7 @@ class Look:
             weight=np.bincount(nearest, weight, k),
             total=np.bincount(nearest, weight * residual, k),
             squares=np.bincount(nearest, weight * residual**2, k),
-            spread=spread,
+            noise=_noise(residual, weight, holding),
             stray=1 - len(residual) / max(len(contour), 1),
             half_width=half_width,
         )
@@ -181,6 +184,18 @@ class Look:
         both = (self.weight[left] > 0) & (self.weight[right] > 0)
         mean = self.total / np.maximum(self.weight, 1e-12)
         return np.asarray((mean[left] - mean[right])[both] / 2)
+
+
+def _noise(residual: Floats, weight: Floats, holding: Floats) -> float:
+    """Variance of a weighted estimate times the sum of weights, px².
+
+    P. J. Huber, "Robust Statistics", 1981, section 7.6: E ψ² / (E ψ')², where ψ is the weighted
+    residual and `holding` its derivative.
+    """
+    if len(residual) == 0:
+        return 0.0
+    pulls = float(np.mean((weight * residual) ** 2))
+    return pulls * float(weight.mean()) / max(float(holding.mean()), 0.1) ** 2
 
 
 _CAP = len(owners(1)) // 2 - 1

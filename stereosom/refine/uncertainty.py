@@ -13,12 +13,10 @@ from .spline import SplineBasis
 
 # Bends that a device has: so many pieces of spline tell what the views leave open. More would
 # call bends possible that are not, fewer would smooth over what is not seen.
-_PIECES = 13
+_PIECES = 16
 # Residuals of so many neighboring points of the outline are taken together, to see how much
 # less they know than if each were on its own.
-_IN_A_ROW = 8
-# Variance across an edge, of any direction on the mean, that comes of rounding to pixels, px².
-_ROUNDED = 1 / 18
+_IN_A_ROW = 4
 
 
 def control_covariance(
@@ -35,9 +33,7 @@ def control_covariance(
     for look in looks:
         # Where an edge runs aslant, one pixel of it is crossed by a row and by a column at once.
         crossings = np.abs(look.normals).sum(axis=1)
-        # The rounding is in the noise already, as if it were each pixel's own.
-        variance = np.maximum(noise + _shared(look) - _ROUNDED, 0.5 * noise)
-        weight = look.weight / crossings * noise / variance
+        weight = look.weight / crossings * noise / (noise + _shared(look))
         added, _ = kernels().assemble(
             basis.values, basis.slopes, basis.first, tube.speed,
             look.pull, look.turn, look.grow, weight, 0.0 * weight,
@@ -61,12 +57,7 @@ def control_covariance(
 
 def noise_variance(looks: tuple[Look, Look]) -> float:
     """Variance that the residuals would have if each were on its own, px²."""
-    variance, alike = [], []
-    for look in looks:
-        weight = float(look.weight.sum())
-        variance.append(float(look.squares.sum()) / max(weight, 1e-9))
-        alike.append(_likeness(look))
-    return max(float(np.mean(variance)) * float(np.mean(alike)), 1e-6)
+    return max(float(np.mean([look.noise * _likeness(look) for look in looks])), 1e-6)
 
 
 def _likeness(look: Look) -> float:
@@ -99,11 +90,13 @@ def _shared(look: Look) -> Floats:
     together = look.samples // _PIECES
     for number, piece in enumerate(pieces(look.samples)):
         place, weight = look.picture[piece], look.weight[piece]
+        step = np.gradient(place, axis=0)
         variance = np.zeros(len(place))
         for axis in (0, 1):
             rounding = np.zeros(len(place))
             for h in (1, 2, 3):
-                phase = np.exp(2j * np.pi * h * place[:, axis])
+                # Between two points of the outline it runs on.
+                phase = np.exp(2j * np.pi * h * place[:, axis]) * np.sinc(h * step[:, axis])
                 if number < 2:
                     mean = gaussian_filter1d(phase.real, together / 2.5, mode="nearest")
                     mean = mean + 1j * gaussian_filter1d(phase.imag, together / 2.5, mode="nearest")
