@@ -108,6 +108,7 @@ def numbers(node: Any, name: str, shape: tuple[int, ...] | None = None) -> Float
     ValueError
         Where there are others, too many, or not the shape that is wanted.
     """
+    matrix: Floats
     if isinstance(node, dict) and "data" in node:
         matrix = numbers(node["data"], name).ravel()
         if "rows" in node and "cols" in node:

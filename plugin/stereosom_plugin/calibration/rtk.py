@@ -45,11 +45,12 @@ def read_rtk(contents: list[Content], settings: Settings) -> Calibration | None:
         [[per_unit, 0, (width - 1) / 2], [0, per_unit, (height - 1) / 2], [0, 0, 1]]
     )
     in_mm = np.diag([1.0, 1.0, 1.0, scale])
+    size = (width, height)
     rigs = tuple(
         StereoRig.from_projections(
-            *(to_pixels @ matrix @ in_mm for matrix in pair), (width, height), (width, height)
+            to_pixels @ matrix_a @ in_mm, to_pixels @ matrix_b @ in_mm, size, size
         )
-        for pair in zip(*read, strict=True)
+        for matrix_a, matrix_b in zip(read[0], read[1], strict=True)
     )
     note = "the detector's picture is taken to be centered, its columns along u, its rows along v"
     return Calibration(rigs, None, SOURCE, (note,))

@@ -54,7 +54,7 @@ def read_two_view(contents: list[Content], settings: Settings) -> Calibration | 
     turn, moved = _refined(turn, moved, matrices, straight)
     made = _made(matrices, turn, moved, lenses, settings.image_size)
     points = triangulate(made.rigs[0], *straight)
-    nearest = KDTree(points).query(points, k=2)[0][:, 1]
+    nearest = np.asarray(KDTree(points).query(points, k=2)[0])[:, 1]
     pitch = float(np.median(nearest))
     before, after = (
         float(np.median(np.abs(_epipolar_gaps(matrix, straight))))

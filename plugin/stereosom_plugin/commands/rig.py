@@ -7,8 +7,10 @@ import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
+from typing import get_args
 
 from ..calibration import Calibration, read_calibration, write_rig
+from ..calibration.board import Pattern, calibrate
 from ..calibration.model import MM_PER
 from ..calibration.plausibility import measure
 from ..errors import InputError
@@ -36,11 +38,22 @@ def add_words(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pitch", type=float, metavar="MM", help="between dots (fundamental matrix)"
     )
+    board = parser.add_argument_group("a calibration from pictures of a board")
+    board.add_argument(
+        "--calibrate", nargs=2, metavar=("LEFT_FOLDER", "RIGHT_FOLDER"), help="pictures of a board"
+    )
+    board.add_argument("--board", type=_size, metavar="9x6", help="inner corners, or circles")
+    board.add_argument("--square", type=float, metavar="MM", help="between neighboring corners")
+    board.add_argument(
+        "--pattern", choices=get_args(Pattern), default="chessboard", help="of the board"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON instead of text")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, report and write a calibration."""
+    if arguments.calibrate:
+        return _calibrate(arguments)
     calibration = read_calibration(
         arguments.calibration,
         units=arguments.units,
@@ -50,6 +63,26 @@ def run(arguments: argparse.Namespace) -> int:
         pixel_spacing=arguments.pixel_spacing,
         pitch=arguments.pitch,
     )
+    return report_and_write(calibration, arguments)
+
+
+def _calibrate(arguments: argparse.Namespace) -> int:
+    if arguments.calibration or not arguments.board or not arguments.square:
+        raise InputError(
+            "--calibrate",
+            "needs --board and --square, and no other calibration",
+            "give e.g. --calibrate left right --board 9x6 --square 5",
+        )
+    calibration, table = calibrate(
+        *arguments.calibrate,
+        board=arguments.board,
+        square=arguments.square,
+        pattern=arguments.pattern,
+    )
+    if not arguments.json:
+        print("reprojection error, px RMS: left, right")
+        for row in table:
+            print(f"  {row.left_px:6.3f} {row.right_px:6.3f}  {row.left}, {row.right}")
     return report_and_write(calibration, arguments)
 
 

@@ -76,7 +76,7 @@ def homogeneous(points: Floats, matrix: Floats) -> Floats:
 
 def to_rays(intrinsics: Floats, pixels: Floats) -> Floats:
     """Pixels (n, 2) as rays of depth 1, (n, 2)."""
-    return homogeneous(pixels, np.linalg.inv(intrinsics))
+    return homogeneous(pixels, np.asarray(np.linalg.inv(intrinsics), dtype=np.float64))
 
 
 def to_pixels(intrinsics: Floats, rays: Floats) -> Floats:
@@ -111,7 +111,7 @@ def invert(
 
 
 def _checked(mapped: Floats, pixels: Floats, done: str) -> Floats:
-    wrong = ~np.isfinite(mapped).all(axis=1)
+    wrong = np.asarray(~np.isfinite(mapped).all(axis=1))
     if wrong.any():
         x, y = pixels[np.argmax(wrong)]
         raise ValueError(

@@ -63,7 +63,10 @@ class RadialTangentialLens(Lens):
 
     def _undistorted(self, pixels: Floats) -> Floats:
         """Newton's method from the radial part's inverse."""
-        bent = homogeneous(to_rays(self.intrinsics, pixels), np.linalg.inv(self._tilt))
+        bent = homogeneous(
+            to_rays(self.intrinsics, pixels),
+            np.asarray(np.linalg.inv(self._tilt), dtype=np.float64),
+        )
         focal = float(np.abs(self.intrinsics[[0, 1], [0, 1]]).max())
         rays = invert(self._bend, self._radially_undistorted(bent), bent, focal)
         rays[~self._valid(rays)] = np.nan
@@ -139,7 +142,7 @@ class RadialTangentialLens(Lens):
         inside &= np.hypot(*np.nan_to_num(rays).T) < self._greatest_radius
         with np.errstate(all="ignore"):
             unfolded = np.linalg.det(self._bend(np.nan_to_num(rays))[1]) > 0
-        return inside & unfolded
+        return np.asarray(inside & unfolded)
 
     def _radially_undistorted(self, bent: Floats) -> Floats:
         """Invert the radial part alone, by a table of it."""
@@ -152,4 +155,4 @@ class RadialTangentialLens(Lens):
             reach = min(2 * reach, self._greatest_radius)
         radius = np.linspace(0, reach * (1 - 1e-9), 2000)
         start = np.interp(distance, radius * over(radius**2) / under(radius**2), radius)
-        return bent * (start / np.maximum(distance, 1e-12))[:, None]
+        return np.asarray(bent * (start / np.maximum(distance, 1e-12))[:, None])
