@@ -2,13 +2,14 @@
 
 import json
 import math
+import random
 import re
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLPolyDataWriter
 
 from stereosom.backbone import Backbone
 from stereosom.reconstruction import Reconstruction
@@ -177,8 +178,6 @@ def test_round_trip(tmp_path):
 
 
 def test_ras_is_turned(tmp_path):
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
-
     made = polydata.to_polydata(quarter_circle(backbone=Backbone.through([[1, 2, 3], [4, 7, 9]])))
     made.GetFieldData().GetAbstractArray("SPACE").SetValue(0, "RAS")
     writer = vtkXMLPolyDataWriter()
@@ -220,6 +219,8 @@ def test_foreign_file_without_any_of_our_arrays(tmp_path):
         ({"line": "0 1 -1"}, "points that are not there"),
         ({"end": 7}, ""),
         ({"points": "0 0 0 0 0 nan 0 0 9"}, "not finite"),
+        ({"points": "0 0 0 0 0 1e300 0 0 9"}, "a kilometre away"),
+        ({"n": 3, "line": "", "end": 0}, "fewer than two points"),
         ({"points": "1 1 1 1 1 1 1 1 1"}, "two different points"),
         ({"n": 0, "points": "", "line": "", "end": ""}, "offsets"),
     ],
@@ -252,6 +253,84 @@ def test_what_is_no_vtp_is_refused(tmp_path, capfd, text):
     with pytest.raises(InputError):
         polydata.read_vtp(tmp_path / "no.vtp")
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
+@pytest.mark.parametrize("compressor", ["None", "LZ4", "ZLib", "LZMA"])
+@pytest.mark.parametrize("encoded", [True, False])
+@pytest.mark.parametrize(("byte_order", "size"), [("LittleEndian", 64), ("BigEndian", 32)])
+def test_every_way_to_write_a_vtp_is_read(tmp_path, mode, compressor, encoded, byte_order, size):
+    """ParaView's default, for one, is raw appended data."""
+    made = polydata.to_polydata(quarter_circle())
+    writer = vtkXMLPolyDataWriter()
+    writer.SetInputData(made)
+    writer.SetFileName(str(tmp_path / "odd.vtp"))
+    getattr(writer, f"SetDataModeTo{mode}")()
+    getattr(writer, f"SetCompressorTypeTo{compressor}")()
+    getattr(writer, f"SetByteOrderTo{byte_order}")()
+    getattr(writer, f"SetHeaderTypeToUInt{size}")()
+    getattr(writer, f"SetIdTypeToInt{size}")()
+    writer.SetEncodeAppendedData(encoded)
+    assert writer.Write()
+    line = polydata.read_vtp(tmp_path / "odd.vtp")
+    np.testing.assert_allclose(line.points, polydata.from_polydata(made).points, atol=1e-9)
+    assert set(line.arrays) == set(POINT_ARRAYS)
+    assert line.field["SPACE"] == ("LPS",)
+
+
+def mutations(whole, count, seed):
+    """Copies of a file with one to four bytes changed, a stretch cut out, or one doubled."""
+    chance = random.Random(seed)
+    for _ in range(count):
+        broken = bytearray(whole)
+        for _ in range(chance.randint(1, 4)):
+            broken[chance.randrange(len(broken))] = chance.randrange(256)
+        at, size = chance.randrange(len(broken)), chance.randrange(40)
+        kind = chance.randrange(4)
+        if kind == 0:
+            del broken[at : at + size]
+        elif kind == 1:
+            broken[at:at] = broken[at : at + size]
+        yield bytes(broken)
+
+
+@pytest.mark.parametrize(
+    ("count", "seed"), [(60, 1), pytest.param(1500, 2, marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize("mode", ["ascii", "binary", "appended"])
+def test_mutated_files_are_read_or_refused_in_one_line(tmp_path, capfd, mode, count, seed):
+    """In this process, VTK's own reader aborts on some of these."""
+    writer = vtkXMLPolyDataWriter()
+    getattr(writer, f"SetDataModeTo{mode.title()}")()
+    writer.SetEncodeAppendedData(False)
+    writer.SetCompressorTypeToNone()
+    writer.SetInputData(polydata.to_polydata(quarter_circle(), samples=20))
+    writer.SetFileName(str(tmp_path / "whole.vtp"))
+    writer.Write()
+    refused, lines = 0, set()
+    for broken in mutations((tmp_path / "whole.vtp").read_bytes(), count, seed):
+        (tmp_path / "broken.vtp").write_bytes(broken)
+        try:
+            line = polydata.read_vtp(tmp_path / "broken.vtp")
+        except InputError as error:
+            refused += 1
+            lines.add(len(str(error).splitlines()))
+        else:
+            assert np.isfinite(line.points).all()
+            assert all(len(array) == len(line.points) for array in line.arrays.values())
+    assert refused > 0
+    assert lines == {1}
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_reader_that_dies_is_replaced(tmp_path):
+    """Nested tags behind the header, where only VTK looks, crash its parser; files go on."""
+    polydata.write_vtp(quarter_circle(), tmp_path / "good.vtp")
+    head = b'<VTKFile type="PolyData" version="0.1"><PolyData/><AppendedData encoding="raw">'
+    (tmp_path / "deep.vtp").write_bytes(head + b"</AppendedData>" + b"<a>" * 3_000_000)
+    with pytest.raises(InputError):
+        polydata.read_vtp(tmp_path / "deep.vtp")
+    assert polydata.read_vtp(tmp_path / "good.vtp").frame == 3
 
 
 def test_cut_off_file_is_refused(tmp_path, capfd):

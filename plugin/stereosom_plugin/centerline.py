@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,16 +14,18 @@ from stereosom.arrays import Floats
 from stereosom.backbone import Backbone
 
 from .errors import InputError, require
+from .vtp_decoder import Content, content_of, decode, vtk_messages
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-vtk_core = require("vtkmodules.vtkCommonCore", "vtk")
-vtk_xml = require("vtkmodules.vtkIOXML", "vtk")
-numpy_support = require("vtkmodules.util.numpy_support", "vtk")
+require("vtkmodules.vtkIOXML", "vtk")
+
+__all__ = ["Centerline", "from_content", "from_polydata", "read_vtp", "vtk_messages"]
 
 # Far above any backbone, far below what hurts.
 _MOST_BYTES, _MOST_POINTS, _MOST_COMPONENTS, _DEEPEST = 64 << 20, 1_000_000, 100, 16
+_FARTHEST_MM = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,14 +75,7 @@ def read_vtp(path: str | Path) -> Centerline:
         raise InputError(path, why, "give a .vtp that exists") from error
     try:
         _check_header(data)
-        reader = vtk_xml.vtkXMLPolyDataReader()
-        reader.ReadFromInputStringOn()
-        reader.SetInputString(data)
-        with vtk_messages() as messages:
-            reader.Update()
-        if messages:
-            raise ValueError(messages[0])
-        return from_polydata(reader.GetOutput())
+        return from_content(decode(data))
     except (ValueError, expat.ExpatError) as error:
         raise _refusal(path, str(error)) from error
 
@@ -132,35 +126,37 @@ def from_polydata(polydata: vtkPolyData) -> Centerline:
     ValueError
         Where it is not one polyline of at least two different, finite points.
     """
-    points = _numpy(polydata.GetPoints().GetData()) if polydata.GetPoints() else np.empty((0, 3))
-    lines = polydata.GetLines()
-    if polydata.GetNumberOfCells() != 1 or lines.GetNumberOfCells() != 1:
-        raise ValueError(
-            f"holds {lines.GetNumberOfCells()} lines and {polydata.GetNumberOfCells()} cells, "
-            "not one polyline"
-        )
-    order = numpy_support.vtk_to_numpy(lines.GetConnectivityArray()).astype(np.intp)
-    ends = numpy_support.vtk_to_numpy(lines.GetOffsetsArray())
-    if len(ends) != 2 or tuple(ends) != (0, len(order)):
+    return from_content(content_of(polydata))
+
+
+def from_content(content: Content) -> Centerline:
+    """As `from_polydata`, from plain arrays."""
+    points = content.points.astype(np.float64)
+    if content.cells != 1 or content.lines != 1:
+        raise ValueError(f"holds {content.lines} lines and {content.cells} cells, not one polyline")
+    order = content.connectivity.astype(np.intp)
+    if tuple(content.offsets) != (0, len(order)):
         raise ValueError("its line's offsets are wrong")
     if np.any((order < 0) | (order >= len(points))):
         raise ValueError("its line runs to points that are not there")
-    point_data = polydata.GetPointData()
-    arrays = {}
-    for i in range(point_data.GetNumberOfArrays()):
-        array = point_data.GetArray(i)
-        if array is not None and array.GetName() and array.GetNumberOfTuples() == len(points):
-            arrays[array.GetName()] = _numpy(array)[order]
+    arrays = {
+        name: values.astype(np.float64)[order]
+        for name, values in content.point_data.items()
+        if len(values) == len(points)
+    }
     points = points[order]
+    if len(points) < 2 or points.shape[1:] != (3,):
+        raise ValueError("its line has fewer than two points")
+    if not np.abs(points).max() <= _FARTHEST_MM:  # nor is NaN
+        raise ValueError("has points that are not finite, or a kilometre away")
     fields = {
-        **_plain(polydata.GetCellData()),
-        **_plain(polydata.GetFieldData()),
+        name: values if isinstance(values, tuple) else values.astype(np.float64)
+        for name, values in content.described.items()
     }
     if fields.get("SPACE") == ("RAS",):
-        turned = (point_data.GetVectors(), point_data.GetNormals())
         to_lps = np.array([-1.0, -1.0, 1.0])
         points = points * to_lps
-        for name in {array.GetName() for array in turned if array is not None} & set(arrays):
+        for name in set(content.turning) & set(arrays):
             arrays[name] = arrays[name] * to_lps
         fields["SPACE"] = ("LPS",)
     backbone = Backbone.through(points)  # refuses what is not finite or has no length
@@ -168,46 +164,7 @@ def from_polydata(polydata: vtkPolyData) -> Centerline:
     return Centerline(points, backbone, time, int(frame), arrays, fields)
 
 
-def _plain(data: Any) -> dict[str, Any]:
-    """Arrays of cell or field data: numbers as numpy arrays, strings as tuples."""
-    plain: dict[str, Any] = {}
-    for i in range(data.GetNumberOfArrays()):
-        array = data.GetAbstractArray(i)
-        if isinstance(array, vtk_core.vtkStringArray):
-            plain[array.GetName()] = tuple(
-                array.GetValue(j) for j in range(array.GetNumberOfValues())
-            )
-        elif isinstance(array, vtk_core.vtkDataArray):
-            plain[array.GetName()] = _numpy(array)
-    return plain
-
-
-def _numpy(array: Any) -> Floats:
-    # A copy: VTK's memory goes with the reader.
-    return np.array(numpy_support.vtk_to_numpy(array), dtype=np.float64)
-
-
 def _first_number(values: Any) -> float:
     if not isinstance(values, np.ndarray) or not values.size or not np.isfinite(values.flat[0]):
         return 0.0
     return float(values.flat[0])
-
-
-@contextmanager
-def vtk_messages() -> Iterator[list[str]]:
-    """Collect VTK's warnings and errors, a line each, instead of printing them."""
-    messages: list[str] = []
-    window, previous = vtk_core.vtkStringOutputWindow(), vtk_core.vtkOutputWindow.GetInstance()
-    verbosity = vtk_core.vtkLogger.GetCurrentVerbosityCutoff()
-    vtk_core.vtkOutputWindow.SetInstance(window)
-    vtk_core.vtkLogger.SetStderrVerbosity(vtk_core.vtkLogger.VERBOSITY_OFF)
-    try:
-        yield messages
-    finally:
-        vtk_core.vtkOutputWindow.SetInstance(previous)
-        vtk_core.vtkLogger.SetStderrVerbosity(verbosity)
-        for block in window.GetOutput().split("\n\n\n"):
-            # "ERROR: In FILE, line N\nCLASS (ADDRESS): MESSAGE"
-            message = block.strip().partition("\n")[2].partition("): ")[2]
-            if message:
-                messages.append(message.splitlines()[0].rstrip("."))
