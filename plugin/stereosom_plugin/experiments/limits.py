@@ -91,7 +91,7 @@ class Reached:
 
 def measure(
     *,
-    shapes: int = 5,
+    shapes: int = 8,
     sweeps: Sequence[str] = tuple(SWEEPS),
     progress: Progress = iter,
 ) -> list[Reached]:
@@ -144,7 +144,7 @@ def summary(reached: Sequence[Reached]) -> list[dict[str, Any]]:
         row["found"] = len(found)
         for name in _MEASURED:
             values = [getattr(one, name) for one in found]
-            row[f"{name}_mm"] = round(float(np.median(values)), 5) if values else "n/a"
+            row[f"{name}_mm"] = round(float(np.median(values)), 4) if values else "n/a"
         rows.append(row)
     return rows
 
@@ -152,7 +152,7 @@ def summary(reached: Sequence[Reached]) -> list[dict[str, Any]]:
 _MEASURED = ("across", "across_bound", "end", "end_bound", "stated", "deviation_bound")
 
 
-def run(output: Path, *, progress: Progress = iter, shapes: int = 5) -> str:
+def run(output: Path, *, progress: Progress = iter, shapes: int = 8) -> str:
     """Measure, write the tables and the figure, and return the table.
 
     Parameters
