@@ -15,7 +15,7 @@ from ..observation import Observation, View
 from ..reconstruction import HardFrame
 
 # How far a curve must turn back from an epipolar plane, px, to touch it noticeably.
-_PROMINENCE = 3.0
+_PROMINENCE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,17 +92,49 @@ def all_places(rigs: list[StereoRig], frames: list[Frame]) -> Places:
 def _free_ends(a: Line, b: Line, height_a: Floats, height_b: Floats) -> list[tuple[int, int]]:
     """Pairs of ends that lie inside both views."""
     ends_a, ends_b = (np.array([0, len(line.points) - 1])[line.free] for line in (a, b))
-    if len(ends_a) == 2 and len(ends_b) == 2:
-        apart = np.abs(height_a[ends_a, None] - height_b[ends_b])
-        if apart[0, 0] + apart[1, 1] > apart[0, 1] + apart[1, 0]:
-            ends_b = ends_b[::-1]
-        return list(zip(ends_a.tolist(), ends_b.tolist(), strict=True))
     if len(ends_a) == 0 or len(ends_b) == 0:
         return []
-    # One view sees more of it: the one end of the other is the nearer of the two.
     apart = np.abs(height_a[ends_a, None] - height_b[ends_b])
-    j, k = np.unravel_index(np.argmin(apart), apart.shape)
-    return [(int(ends_a[j]), int(ends_b[k]))]
+    if len(ends_a) == len(ends_b) == 2:
+        order = 1 if np.trace(apart) <= np.trace(apart[:, ::-1]) else -1
+        pairs = list(zip(ends_a, ends_b[::order], strict=True))
+    else:  # one view sees more of it: the one end of the other is the nearer of the two
+        j, k = np.unravel_index(np.argmin(apart), apart.shape)
+        pairs = [(ends_a[j], ends_b[k])]
+    return [_unfolded(int(j), int(k), height_a, height_b) for j, k in pairs]
+
+
+def _unfolded(j: int, k: int, height_a: Floats, height_b: Floats) -> tuple[int, int]:
+    """Replace an end that is none: where the device bends back behind itself, only one view
+    sees it turn, and what looks like the end in the other is the turning point.
+
+    The heights along the device are the same in both views, so both must come to the end rising,
+    or both falling.
+    """
+    turn_a, rise_a = _last_turn(height_a, j)
+    turn_b, rise_b = _last_turn(height_b, k)
+    if rise_a == rise_b:
+        return j, k
+    # The middle line ends in the middle of the bend, the mask half a width farther.
+    inner_j, inner_k = (1 if j == 0 else j - 1), (1 if k == 0 else k - 1)
+    folded = []
+    if turn_b is not None:
+        folded.append((abs(height_a[inner_j] - height_b[turn_b]), inner_j, turn_b))
+    if turn_a is not None:
+        folded.append((abs(height_a[turn_a] - height_b[inner_k]), turn_a, inner_k))
+    return min(folded)[1:] if folded else (j, k)
+
+
+def _last_turn(height: Floats, end: int) -> tuple[int | None, bool]:
+    """The turning point nearest to an end, and whether the line rises from there to the end."""
+    turns = np.concatenate(
+        [find_peaks(sign * height, prominence=_PROMINENCE)[0] for sign in (1, -1)]
+    )
+    if len(turns) == 0:
+        other = len(height) - 1 - end
+        return None, bool(height[end] > height[other])
+    last = int(turns[np.argmin(np.abs(turns - end))])
+    return last, bool(height[end] > height[last])
 
 
 def _touching(a: Line, b: Line, height_a: Floats, height_b: Floats) -> list[tuple[int, int]]:
