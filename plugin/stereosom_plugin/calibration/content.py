@@ -70,7 +70,7 @@ def read_content(path: Path) -> Content:
         raise InputError(path, "is empty or no text", "give a calibration file")
     try:
         if start.startswith("{"):
-            return Content(path, "json", json.loads(start))
+            return Content(path, "json", _parse_json(start))
         if start.startswith("<"):
             return Content(path, "xml", parse_xml(start))
         if start.startswith(("[", ";", "#")) and "\n[" in "\n" + start and "fc_x" in start:
@@ -176,6 +176,17 @@ def parse_xml(text: str) -> Element:
     return builder.close()
 
 
+def _parse_json(text: str) -> dict[str, Any]:
+    try:
+        tree = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"is no JSON ({error})") from None
+    except ValueError:  # a number of more than 4300 digits
+        raise ValueError("is no JSON of a calibration (a number in it is absurd)") from None
+    assert isinstance(tree, dict)  # it begins with a brace
+    return tree
+
+
 def _parse_ini(text: str) -> dict[str, dict[str, str]]:
     parser = configparser.ConfigParser(interpolation=None, strict=False)
     try:
@@ -207,8 +218,6 @@ def _parse_yaml(text: str) -> dict[str, Any]:
     lines = text.splitlines()
     # OpenCV up to 4 writes `%YAML:1.0`, which is no directive of YAML.
     body = "\n".join(lines[1:] if lines[0].startswith("%YAML") else lines)
-    if body.count("[") + body.count("{") > body.count("]") + body.count("}") + 8:
-        raise ValueError("is broken YAML (brackets do not close)")
     try:
         tree = yaml.load(body, Loader=Plain)
     except yaml.YAMLError as error:

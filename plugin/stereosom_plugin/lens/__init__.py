@@ -12,6 +12,7 @@ from .fisheye import FisheyeLens
 from .intensifier import IntensifierLens
 from .mask import undistorted_mask_pixels
 from .model import Lens
+from .observation import undistorted_observation
 from .radial_tangential import RadialTangentialLens
 
 __all__ = [
@@ -21,4 +22,5 @@ __all__ = [
     "RadialTangentialLens",
     "undistorted_field",
     "undistorted_mask_pixels",
+    "undistorted_observation",
 ]

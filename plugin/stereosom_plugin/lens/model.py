@@ -11,7 +11,7 @@ import numpy as np
 from stereosom.arrays import Floats, check_array
 
 EXACT_PX = 1e-7
-MOST_STEPS = 50
+MOST_STEPS = 30
 
 
 class Lens(ABC):
@@ -95,18 +95,24 @@ def invert(
     `function` gives the images of (n, 2) points and the derivatives (n, 2, 2).
     """
     points = np.array(start)
+    found = np.zeros(len(points), dtype=bool)
+    active = np.arange(len(points))
     with np.errstate(all="ignore"):
         for _ in range(MOST_STEPS):
-            image, derivatives = function(points)
-            gap = wanted - image
-            if np.nanmax(np.abs(gap), initial=0.0) * pixels_per_unit < EXACT_PX / 10:
+            image, derivatives = function(points[active])
+            gap = wanted[active] - image
+            size = np.abs(gap).max(axis=1) * pixels_per_unit
+            found[active] = size < EXACT_PX
+            # Those that are exact, or ran off, need no more steps.
+            going = (size >= EXACT_PX / 10) & np.isfinite(size)
+            if not going.any():
                 break
+            active, gap, derivatives = active[going], gap[going], derivatives[going]
             (a, b), (c, d) = np.moveaxis(derivatives, 0, -1)
             x, y = gap.T
             solved = np.stack([d * x - b * y, a * y - c * x]) / (a * d - b * c)
-            points = points + solved.T
-        gap = np.abs(function(points)[0] - wanted).max(axis=1) * pixels_per_unit
-    points[~(gap < EXACT_PX)] = np.nan
+            points[active] += solved.T
+    points[~found] = np.nan
     return points
 
 

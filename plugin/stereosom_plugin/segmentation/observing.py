@@ -11,6 +11,7 @@ from stereosom.backbone import Backbone
 from stereosom.observation import Observation
 from stereosom_plugin.acquisition import Acquisition, FramePair, Image
 from stereosom_plugin.errors import InputError
+from stereosom_plugin.lens import undistorted_observation
 
 from .biplane import BiplaneSegmenter
 from .picture import Mask
@@ -51,8 +52,9 @@ def observe(
     Yields
     ------
     Observation
-        One per frame, in that order. A view in which no device was found has no pixels; where
-        a frame cannot be read or segmented, its `defect` says why, and the next one follows.
+        One per frame, in that order, free of lens distortion. A view in which no device was
+        found has no pixels; where a frame cannot be read or segmented, its `defect` says why,
+        and the next one follows.
 
     Raises
     ------
@@ -76,6 +78,8 @@ def observe(
                 show(index, pair, mask_a, mask_b)
         except InputError as error:
             described["defect"] = str(error)
-        yield Observation.from_masks(
+        seen = Observation.from_masks(
             mask_a, mask_b, rig, time=float(acquisition.times[index]), index=index, **described
         )
+        lenses = None if seen.defect else acquisition.lenses
+        yield undistorted_observation(seen, (mask_a, mask_b), lenses) if lenses else seen
