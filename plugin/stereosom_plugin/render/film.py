@@ -14,7 +14,7 @@ from ..files import write_whole
 from .style import Picture
 
 SUFFIXES = (".mp4", ".gif")
-_H264_OPTIONS = {"crf": "18", "preset": "fast"}
+_H264_OPTIONS = {"crf": "18", "preset": "veryfast"}
 # As ITU-R BT.709 numbers itself in H.264, annex E: players else guess by the picture's size.
 _BT709 = 1
 

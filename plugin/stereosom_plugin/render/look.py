@@ -36,6 +36,8 @@ class Look:
     mirrored : bool
         Left and right are exchanged after the picture is taken: an X-ray picture is seen from
         behind its detector.
+    upright : (3,) array, optional
+        Unit vector about which the eye is led around. Default: `up`.
     """
 
     position: Floats
@@ -45,6 +47,7 @@ class Look:
     shift: tuple[float, float] = (0.0, 0.0)
     parallel: bool = False
     mirrored: bool = False
+    upright: Floats | None = None
 
     @property
     def axes(self) -> Floats:
@@ -82,9 +85,15 @@ class Look:
 
     def turned(self, angle_deg: float, pivot: Floats) -> Look:
         """The eye led around a point (3,), about the upright through it."""
-        turn = _turn(self.up, angle_deg)
+        turn = _turn(self.up if self.upright is None else self.upright, angle_deg)
         position = pivot + turn @ (self.position - pivot)
-        return replace(self, position=position, towards=turn @ self.towards)
+        return replace(self, position=position, towards=turn @ self.towards, up=turn @ self.up)
+
+    def all_around(self, points: Floats, pivot: Floats) -> Floats:
+        """All places, seen from the eye, that (n, 3) points take as it is led around."""
+        axis = self.up if self.upright is None else self.upright
+        turns = [_turn(axis, angle) for angle in range(0, 360, 10)]
+        return np.vstack([pivot + (points - pivot) @ turn.T for turn in turns])
 
     def aim(self, plotter: Any) -> None:
         """Set pyvista's camera so."""
@@ -118,10 +127,10 @@ def from_view(camera: Camera) -> Look:
 
 def between_views(rig: StereoRig | None, points: Floats) -> Look:
     """Look from between the sources, a little above, at (n, 3) points."""
-    towards, up = _overview_axes(rig)
+    towards, up, upright = _overview_axes(rig)
     # From four times their extent things keep their shape, and still show their depth.
     position = _middle(points) - 4 * extent(points) * towards
-    return Look(position, towards, up, half=1.0)
+    return Look(position, towards, up, half=1.0, upright=upright)
 
 
 def best_side(rig: StereoRig | None, points: Floats) -> Look:
@@ -129,7 +138,7 @@ def best_side(rig: StereoRig | None, points: Floats) -> Look:
 
     Of its two sides, the one that is nearer to the sources.
     """
-    towards, up = _overview_axes(rig)
+    towards, up, _ = _overview_axes(rig)
     _, spread, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     if spread[1] > 1e-3 * spread[0]:
         normal = axes[2] * (1 if axes[2] @ towards >= 0 else -1)
@@ -141,12 +150,6 @@ def best_side(rig: StereoRig | None, points: Floats) -> Look:
     upright = upright if np.linalg.norm(upright) > 0.2 else axes[0] - (axes[0] @ normal) * normal
     position = _middle(points) - 4 * extent(points) * normal
     return Look(position, normal, _unit(upright), half=1.0, parallel=True)
-
-
-def all_around(points: Floats, pivot: Floats, up: Floats) -> Floats:
-    """All places that (n, 3) points take as they turn about the upright through a point."""
-    turns = [_turn(up, angle) for angle in range(0, 360, 10)]
-    return np.vstack([pivot + (points - pivot) @ turn.T for turn in turns])
 
 
 def extent(points: Floats) -> float:
@@ -165,10 +168,12 @@ def slid(camera: Camera, pixels: Floats, depth: float) -> Floats:
     return np.asarray(camera.center + rays * (depth / (rays @ camera.axis))[:, None])
 
 
-def _overview_axes(rig: StereoRig | None) -> tuple[Floats, Floats]:
+def _overview_axes(rig: StereoRig | None) -> tuple[Floats, Floats, Floats]:
+    """Where to look, what is up there, and what is upright in the world: unit vectors."""
     if rig is None:  # patients are drawn head up, from in front and a little aside
         towards = _unit(np.array([0.6, 0.8, -0.35]))
-        return towards, _upright(np.array([0.0, 0.0, 1.0]), towards)
+        head = np.array([0.0, 0.0, 1.0])
+        return towards, _upright(head, towards), head
     towards = rig.a.axis + rig.b.axis
     # Views that face each other have no between.
     towards = rig.a.axis if np.linalg.norm(towards) < 1e-3 else _unit(towards)
@@ -177,7 +182,7 @@ def _overview_axes(rig: StereoRig | None) -> tuple[Floats, Floats]:
     if rig.convergence_deg < NARROW_DEG:
         towards = 0.6 * towards + 0.8 * np.cross(towards, up)
     towards = _unit(towards - 0.35 * up)
-    return towards, _upright(up, towards)
+    return towards, _upright(up, towards), up
 
 
 def _upright(up: Floats, towards: Floats) -> Floats:
