@@ -22,7 +22,17 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def dicom_files():
     """The module `dicom_files.py`: writes XA objects to the standard."""
-    spec = importlib.util.spec_from_file_location("dicom_files", HERE / "dicom_files.py")
+    return _module("dicom_files")
+
+
+@pytest.fixture(scope="session")
+def enhanced_dicom():
+    """The module `enhanced_dicom.py`: writes Enhanced XA objects to the standard."""
+    return _module("enhanced_dicom")
+
+
+def _module(name):
+    spec = importlib.util.spec_from_file_location(name, HERE / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

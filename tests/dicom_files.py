@@ -122,6 +122,55 @@ def write_pair(
     return paths[0], paths[1]
 
 
+def write_series(
+    folder: Path, frames: int = 4, *, step: float = 0.1, b_later: float = 0.0, **both
+) -> list[Path]:
+    """Write both planes as series of single-frame files, their names in no order of time.
+
+    Every picture is of one gray: 100 for the first of plane A, 101 for the next; 200 on for B.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    uids = {"study": generate_uid(), "A": generate_uid(), "B": generate_uid()}
+    paths = []
+    for letter, first, later in (("A", 100, 0.0), ("B", 200, b_later)):
+        series = generate_uid()
+        for number in range(frames):
+            dataset = plane(letter, uids, 1, (24, 32))
+            uid = generate_uid() if number else uids[letter]
+            dataset.file_meta.MediaStorageSOPInstanceUID = dataset.SOPInstanceUID = uid
+            dataset.SeriesInstanceUID = series
+            dataset.InstanceNumber = str(number + 1)
+            dataset.AcquisitionTime = f"1015{number * step + later:09.6f}"
+            picture = np.full((24, 32), first + number, dtype=np.uint16)
+            dataset.add_new("PixelData", "OW", picture.tobytes())
+            edit(dataset, both)
+            paths.append(folder / f"{letter}{(number * 7) % 10}_{number}.dcm")
+            dataset.save_as(paths[-1], enforce_file_format=True)
+    return paths
+
+
+def write_both(path: Path, frames_a: np.ndarray, frames_b: np.ndarray, *, turns: bool) -> Path:
+    """Write one file with the frames of both planes: in turns, or one plane after the other.
+
+    Plane A stands at RAO 30, plane B at LAO 60: the angle increments say which frame is whose.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    uids = {"study": generate_uid(), "A": generate_uid(), "B": generate_uid()}
+    count = len(frames_a) + len(frames_b)
+    dataset = plane("A", uids, count, frames_a.shape[1:])
+    in_b = np.arange(count) % 2 == 1 if turns else np.arange(count) >= len(frames_a)
+    pictures = np.empty((count, *frames_a.shape[1:]), frames_a.dtype)
+    pictures[~in_b], pictures[in_b] = frames_a, frames_b
+    dataset.ImageType = ["ORIGINAL", "PRIMARY", "SINGLE PLANE"]
+    del dataset.ReferencedImageSequence
+    dataset.PositionerMotion = "DYNAMIC"
+    dataset.PositionerPrimaryAngleIncrement = [str(90 * int(b)) for b in in_b]
+    dataset.PositionerSecondaryAngleIncrement = ["0"] * count
+    dataset.add_new("PixelData", "OW", pictures.tobytes())
+    dataset.save_as(path, enforce_file_format=True)
+    return path
+
+
 def rewrite(path: Path, **changes) -> None:
     """Change elements of a file; None takes one away."""
     dataset = pydicom.dcmread(path)

@@ -54,7 +54,8 @@ def read_shutter(header: Header, camera: Camera) -> tuple[Floats | None, list[st
             corners = clip_polygon(corners, clip)
     if shut and (len(corners) < 3 or _area(corners) < 1):
         raise header.refuse("its shutter leaves nothing of the picture", "check the shutter tags")
-    return (corners if shut else None), notes
+    open_wide = not shut or _area(corners) >= _area(whole) - 1e-9
+    return (None if open_wide else corners), notes
 
 
 def clip_polygon(polygon: Floats, convex: Floats) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 
 import numpy as np
@@ -20,17 +20,16 @@ TOGETHER = 0.001
 
 @dataclass(frozen=True)
 class Moment:
-    """A time of day, s; since the year 1 where the day is known. `exact`: finer than a second."""
+    """A time of day, s, and the day's number where it is known. `exact`: finer than a second."""
 
     seconds: float
-    dated: bool = False
+    day: int | None = None
     exact: bool = False
 
     def until(self, later: Moment) -> float:
         """Seconds from this moment to another; where one has no day, both are of one day."""
-        if self.dated == later.dated:
-            return later.seconds - self.seconds
-        return later.seconds % 86400 - self.seconds % 86400
+        days = 0 if self.day is None or later.day is None else later.day - self.day
+        return 86400.0 * days + later.seconds - self.seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +55,7 @@ class FrameTimes:
         seconds = self.seconds[np.asarray(frames)]
         start = self.start
         if start is not None:
-            start = Moment(start.seconds + float(seconds[0]), start.dated, start.exact)
+            start = replace(start, seconds=start.seconds + float(seconds[0]))
         return FrameTimes(seconds - seconds[0], start, self.stamped)
 
 
@@ -239,8 +238,8 @@ def _moment(text: str) -> Moment | None:
         return None
     day, hours, minutes, seconds, fraction = found.groups()
     try:
-        days = date(int(day[:4]), int(day[4:6]), int(day[6:])).toordinal() if day.strip() else 0
+        known = date(int(day[:4]), int(day[4:6]), int(day[6:])).toordinal() if day.strip() else None
     except ValueError:
         return None
     of_day = int(hours) * 3600 + int(minutes) * 60 + int(seconds) + float(fraction or 0)
-    return Moment(days * 86400.0 + of_day, bool(day.strip()), fraction is not None)
+    return Moment(of_day, known, fraction is not None)
