@@ -162,6 +162,76 @@ def test_a_flipped_picture_is_recognized_by_its_orientation(write_pair, orientat
         read_biplane(*paths)
 
 
+@pytest.mark.parametrize("turn", [0, 90, 180, 270])
+@pytest.mark.parametrize("flip", ["NO", "YES"])
+def test_turned_and_flipped_pictures(write_pair, dicom_files, turn, flip):
+    """A picture with one bright pixel is turned by numpy: the point must fall onto it still."""
+    column, row = 21, 5
+    straight = read_biplane(*write_pair("straight")).rigs[0].a
+    # The point of the isocenter's plane that falls onto the middle of that pixel.
+    direction = np.linalg.solve(straight.projection[:, :3], [column, row, 1])
+    point = straight.center + direction * (750 / (straight.axis @ direction))
+    np.testing.assert_allclose(straight.project([point])[0], [column, row], atol=1e-9)
+    picture = np.zeros((24, 32), dtype=np.uint16)
+    picture[row, column] = 4000
+    picture = np.rot90(picture, -turn // 90)  # numpy turns the other way
+    picture = np.fliplr(picture) if flip == "YES" else picture
+    frames = np.repeat(np.ascontiguousarray(picture)[None], 3, axis=0)
+    turned = {"FieldOfViewRotation": str(turn), "FieldOfViewHorizontalFlip": flip}
+    acquisition = read_biplane(*write_pair("turned", a=turned, frames_a=frames))
+    row, column = np.unravel_index(acquisition[0].image_a.argmax(), picture.shape)
+    seen = acquisition.rigs[0].a.project([point])[0]
+    np.testing.assert_allclose(seen, [column, row], atol=1e-9)
+    assert any("against the detector" in note for note in acquisition.notes) == (
+        (turn, flip) != (0, "NO")
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "distances", "note"),
+    [
+        ({"DistanceSourceToDetector": None}, (1050, 750), "1050.0 mm is assumed"),
+        ({"DistanceSourceToPatient": None}, (1100, 750), "750.0 mm is assumed"),
+        (
+            {"DistanceSourceToDetector": "", "EstimatedRadiographicMagnificationFactor": "1.5"},
+            (1125, 750),
+            "1125.0 mm follows",
+        ),
+    ],
+)
+def test_distances_that_are_absent_are_filled_in_aloud(write_pair, changes, distances, note):
+    acquisition = read_biplane(*write_pair(a=changes))
+    camera = acquisition.rigs[0].a
+    np.testing.assert_allclose(np.linalg.norm(camera.center), distances[1])
+    np.testing.assert_allclose(camera.focal_length, distances[0] / 0.4)
+    assert note in acquisition.notes[0]
+    assert acquisition.notes[0].startswith("plane A: ")
+
+
+@pytest.mark.parametrize(
+    ("keyword", "value"), [("FieldOfViewDimensions", ["12", "16"]), ("IntensifierSize", "12")]
+)
+def test_the_field_of_view_stands_in_for_the_pixel_spacing(write_pair, keyword, value):
+    acquisition = read_biplane(*write_pair(b={"ImagerPixelSpacing": None, keyword: value}))
+    camera = acquisition.rigs[0].b
+    assert keyword in acquisition.notes[0]
+    rows = np.linalg.norm(np.cross(camera.projection[:2, :3], camera.projection[2, :3]), axis=1)
+    np.testing.assert_allclose(rows[1], 1100 / 0.5)  # 12 mm over 24 rows
+    np.testing.assert_allclose(rows[0], 1100 / (0.5 if keyword[0] == "F" else 0.375))
+
+
+def test_increments_are_followed_whatever_the_motion_is_said_to_be(write_pair):
+    still = {"PositionerMotion": "STATIC", "PositionerPrimaryAngleIncrement": ["0", "5", "10"]}
+    acquisition = read_biplane(*write_pair(a=still))
+    assert len(acquisition.rigs) == 3
+    assert any("'STATIC', but angle increments" in note for note in acquisition.notes)
+
+
+def test_a_beam_that_meets_the_detector_aslant_is_noted(write_pair):
+    acquisition = read_biplane(*write_pair(a={"DetectorPrimaryAngle": "3"}))
+    assert any("aslant" in note for note in acquisition.notes)
+
+
 def test_no_shutter_no_field_of_view(write_pair):
     assert read_biplane(*write_pair()).field_of_view is None
 
@@ -195,6 +265,29 @@ def test_circular_and_polygonal_shutter(write_pair):
     assert len(view_a) == 64
     np.testing.assert_allclose(np.linalg.norm(view_a - [16, 12], axis=1), 8)
     np.testing.assert_allclose(sorted(view_b.tolist()), [[0, 0], [0, 20], [20, 0]])
+
+
+def test_a_collimator_bounds_it_too_and_an_absent_edge_is_open(write_pair):
+    edges = {
+        "CollimatorShape": "RECTANGULAR",
+        "CollimatorLeftVerticalEdge": "5",
+        "CollimatorRightVerticalEdge": "29",
+        "CollimatorUpperHorizontalEdge": "3",
+    }
+    view = read_biplane(*write_pair(a=edges)).field_of_view[0]
+    np.testing.assert_allclose(view.min(axis=0), [4, 2])
+    np.testing.assert_allclose(view.max(axis=0), [28, 23.5])
+
+
+def test_a_shutter_outside_of_the_picture_shuts_nothing(write_pair):
+    edges = dict.fromkeys(("ShutterLeftVerticalEdge", "ShutterUpperHorizontalEdge"), "-9")
+    acquisition = read_biplane(*write_pair(a={"ShutterShape": "RECTANGULAR"} | edges))
+    assert acquisition.field_of_view is None
+
+
+def test_a_shutter_without_edges_is_noted(write_pair):
+    acquisition = read_biplane(*write_pair(a={"ShutterShape": "RECTANGULAR"}))
+    assert "the whole picture is searched" in acquisition.notes[0]
 
 
 MISSING = ["PositionerPrimaryAngle", "PositionerSecondaryAngle", "ImagerPixelSpacing"]

@@ -18,6 +18,7 @@ from stereosom_plugin.acquisition import Image
 from .header import Header, label
 
 UNCHANGED = 1000.0  # what a pixel becomes where nothing changed
+DARK = 1e-3  # what of the brightest is behind a shutter, where nothing can change
 MOST_AVERAGED = 64
 
 
@@ -45,10 +46,9 @@ class Subtraction:
         mask = _mean(read, self.masks[frame])
         if any(self.shift):
             mask = ndimage.shift(mask, self.shift, order=1, mode="nearest")
-        # One step of gray: keeps what lies behind a shutter, 0 over 0, unchanged.
-        return np.asarray(
-            UNCHANGED * (np.maximum(contrast, 0) + 1) / (np.maximum(mask, 0) + 1), np.float32
-        )
+        lit = mask > DARK * mask.max()
+        share = np.divide(contrast, mask, out=np.ones_like(mask), where=lit)
+        return (UNCHANGED * np.maximum(share, 0)).astype(np.float32)
 
 
 def read_subtractions(header: Header, frames: int) -> tuple[Subtraction, ...]:
