@@ -73,11 +73,14 @@ def test_flat_end_is_where_it_is():
 
 
 def test_crossing_of_itself_is_kept():
-    angle = np.linspace(0, 2 * np.pi, 3000)
-    loop = np.column_stack([128 + 45 * np.sin(angle), 100 - 45 * np.cos(angle)])
-    stem = np.column_stack([np.full(2000, 128.0), np.linspace(145, 300, 2000)])
-    picture, truth = drawn(distances(np.vstack([loop, stem])), 6)
-    assert overlap(segment_xray(picture, width_px=12), truth) > 0.9
+    along = np.linspace(-1, 1, 4000)
+    turn = np.pi * (1 + np.tanh(4 * along)) * 0.85  # a loop, entered straight and left straight
+    heading = np.column_stack([np.sin(turn), -np.cos(turn)])
+    axis = np.cumsum(heading, axis=0) * 0.115
+    axis += [90, 262] - axis[0]
+    picture, truth = drawn(distances(axis), 6)
+    mask = segment_xray(picture, width_px=12)
+    assert overlap(mask, truth) > 0.9
 
 
 def test_fainter_wires_are_left_out():

@@ -54,27 +54,23 @@ class BiplaneSegmenter:
         expected : Backbone, optional
             Where the device is expected. Default: where it was seen last.
         """
-        views = tuple(
-            prepare(image, field_of_view=field)
-            for image, field in zip((pair.image_a, pair.image_b), self.fields, strict=True)
+        views = (
+            prepare(pair.image_a, field_of_view=self.fields[0]),
+            prepare(pair.image_b, field_of_view=self.fields[1]),
         )
-        view_a, view_b = views
-        found = self._followed(views, pair.rig, expected)
-        if found is None:
-            found = _searched(view_a, view_b, pair.rig)
-        tube_a, tube_b = found
+        self.tubes = self._followed(views, pair.rig, expected) or _searched(*views, pair.rig)
+        tube_a, tube_b = self.tubes
         caps = ((0.0, 0.0), (0.0, 0.0))
         if tube_a is not None and tube_b is not None:
             caps = end_caps(pair.rig, tube_a, tube_b)
-        self.tubes = found
         mask_a, mask_b = (
             np.zeros(view.log.shape, dtype=bool) if tube is None else fill(view, tube, cap)
-            for view, tube, cap in zip(views, found, caps, strict=True)
+            for view, tube, cap in zip(views, self.tubes, caps, strict=True)
         )
         return mask_a, mask_b
 
     def _followed(
-        self, views: tuple[View, ...], rig: StereoRig, expected: Backbone | None
+        self, views: tuple[View, View], rig: StereoRig, expected: Backbone | None
     ) -> tuple[Tube, Tube] | None:
         """Tubes near where they were, or None where they are not to be found there."""
         last_a, last_b = self.tubes

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stereosom.arrays import Floats
-from stereosom.camera import Camera, StereoRig, triangulate
+from stereosom.backbone import Backbone
+from stereosom.camera import StereoRig
+from stereosom.matching import space_curve
 
 from .tube import Tube
 from .xray import Candidate
@@ -19,6 +20,9 @@ MOST = 8
 MISMATCH = 0.12
 # Quotient of the absorptions that does so; a device absorbs more where it is seen lengthwise.
 QUOTIENT = 1.6
+# Every which step of the middle lines is matched, and pieces of the spline through them: few, so
+# that it is stiff at its ends.
+THINNING, SEGMENTS = 3, 6
 
 
 def agreeing(
@@ -79,8 +83,7 @@ def end_caps(
 
     Half of the absorption marks where the axis of a tube ends. Its silhouette reaches farther
     where the end is seen obliquely: by the radius times the sine of the angle between the end
-    and the picture. That angle follows from both views: the planes through either source and
-    the line that the end follows in its picture meet in the device's direction.
+    and the picture. The two middle lines, matched along their epipolar lines, tell that angle.
 
     Returns
     -------
@@ -88,55 +91,27 @@ def end_caps(
         Of view a, of view b; zero for ends at the border, and where the views do not agree
         about an end.
     """
-    caps = ([0.0, 0.0], [0.0, 0.0])
-    for end_a in (0, 1):
-        for end_b in (0, 1):
-            if tube_a.enters[end_a] or tube_b.enters[end_b]:
+    reach = ([0.0, 0.0], [0.0, 0.0])
+    places = tube_a.line[::THINNING], tube_b.line[::THINNING]
+    try:
+        points, _ = space_curve(rig, *places)
+        curve = Backbone.fit_spline(points, SEGMENTS)
+    except ValueError:  # the lines do not match, or make no curve
+        return (0.0, 0.0), (0.0, 0.0)
+    ends = np.stack([curve.base, curve.tip])
+    tangents = curve.tangent(np.array([0.0, curve.length]))
+    for camera, tube, found in ((rig.a, tube_a, reach[0]), (rig.b, tube_b, reach[1])):
+        seen, outermost = camera.project(ends), tube.line[[0, -1]]
+        # The curve may run either way along the line.
+        straight = np.linalg.norm(seen - outermost, axis=1)
+        crossed = np.linalg.norm(seen - outermost[::-1], axis=1)
+        order = (0, 1) if straight.sum() <= crossed.sum() else (1, 0)
+        for side, end in enumerate(order):
+            away = float(np.linalg.norm(seen[end] - outermost[side]))
+            radius = float(tube.radius[-side])
+            if tube.enters[side] or away > 3 * radius + 4:
                 continue
-            place = [_end(tube_a, end_a), _end(tube_b, end_b)]
-            if not _same_point(rig, place[0][0], place[1][0]):
-                continue
-            direction = np.cross(_plane_normal(rig.a, *place[0]), _plane_normal(rig.b, *place[1]))
-            length = float(np.linalg.norm(direction))
-            # Nearly one plane: the device's end follows an epipolar line, its depth is open.
-            if length < 0.1:
-                continue
-            direction /= length
-            point = triangulate(rig, place[0][0][None], place[1][0][None])[0]
-            for camera, cap, end, tube in (
-                (rig.a, caps[0], end_a, tube_a),
-                (rig.b, caps[1], end_b, tube_b),
-            ):
-                ray = point - camera.center
-                ray /= np.linalg.norm(ray)
-                cap[end] = float(tube.radius[-end]) * abs(float(ray @ direction))
-    return (caps[0][0], caps[0][1]), (caps[1][0], caps[1][1])
-
-
-def _end(tube: Tube, end: int) -> tuple[Floats, Floats]:
-    """Place (2,), px, and direction (2,) of the first or the last end."""
-    line = tube.line if end == 1 else tube.line[::-1]
-    back = min(len(line), max(6, round(2.5 * float(np.median(tube.radius)))))
-    part = line[-back:]
-    # Of the parabola through the last steps, the slope at the end.
-    step = np.arange(1 - back, 1)
-    fit = np.polyfit(step, part, 2 if back > 8 else 1)
-    direction = fit[-2]
-    return part[-1], direction / np.linalg.norm(direction)
-
-
-def _same_point(rig: StereoRig, one: Floats, two: Floats) -> bool:
-    """Whether two points may show one point in space, header errors allowed for."""
-    angle_a = float(rig.epipolar_angle(rig.a, one[None])[0])
-    # How far the angle turns over ten pixels in view b.
-    shifted = two + 10 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    angles = np.asarray(rig.epipolar_angle(rig.b, shifted))
-    per_pixel = float(np.hypot(*(angles[1:] - angles[0]))) / 10
-    return abs(angle_a - float(angles[0])) < 0.03 * max(rig.b.image_size) * per_pixel
-
-
-def _plane_normal(camera: Camera, place: Floats, direction: Floats) -> Floats:
-    """Unit normal (3,) of the plane through the source and a line of the picture."""
-    line = np.cross(np.append(place, 1.0), np.append(place + direction, 1.0))
-    normal = camera.projection[:, :3].T @ line
-    return np.asarray(normal / np.linalg.norm(normal))
+            ray = ends[end] - camera.center
+            ray /= np.linalg.norm(ray)
+            found[side] = radius * abs(float(ray @ tangents[end]))
+    return (reach[0][0], reach[0][1]), (reach[1][0], reach[1][1])

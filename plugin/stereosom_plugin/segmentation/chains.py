@@ -74,7 +74,7 @@ def find_chains(ridges: Ridges, field: Mask | None = None) -> list[Chain]:
     lines &= (strong >= 3)[labels] & (labels > 0)
     thin = require("skimage.morphology", "fluoroscopy").skeletonize(lines)
     pieces = [
-        Chain(points, ridges.absorption[tuple(points.T[::-1])].astype(float))
+        Chain(points.astype(float), ridges.absorption[tuple(points.T[::-1])].astype(float))
         for points in _pieces(thin)
     ]
     chains = _linked(pieces)
@@ -86,7 +86,7 @@ def _pieces(thin: Mask) -> list[npt.NDArray[np.int_]]:
     neighbors = ndimage.convolve(thin.astype(np.uint8), _SQUARE.astype(np.uint8), mode="constant")
     junctions = thin & (neighbors > 3)
     stretches = thin & ~ndimage.binary_dilation(junctions, _SQUARE)
-    labels, count = ndimage.label(stretches, _SQUARE)
+    labels, _ = ndimage.label(stretches, _SQUARE)
     found = []
     for number, place in enumerate(ndimage.find_objects(labels), start=1):
         row, column = np.nonzero(labels[place] == number)

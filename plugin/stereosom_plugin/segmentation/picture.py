@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from stereosom.arrays import check_array
+from stereosom.arrays import Floats
 from stereosom_plugin.errors import InputError, require
 
 Mask = npt.NDArray[np.bool_]
@@ -39,11 +39,17 @@ def checked(image: Any) -> Gray:
     return picture
 
 
-def inside(corners: Any, shape: tuple[int, ...]) -> Mask:
-    """Pixels of a picture that lie within a polygon of corners (x, y)."""
-    corners = check_array(corners, "field of view", (None, 2))
-    draw = require("skimage.draw", "fluoroscopy")
-    return np.asarray(draw.polygon2mask(shape, corners[:, ::-1]))
+def in_polygon(pixels: npt.NDArray[Any], corners: Floats) -> Mask:
+    """Whether pixels (n, 2) lie within a polygon of corners (x, y), (n,).
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0], [9, 0], [9, 9], [0, 9]])
+    >>> in_polygon(np.array([[4, 4], [4, 12]]), square)
+    array([ True, False])
+    """
+    points_in_poly = require("skimage.measure", "fluoroscopy").points_in_poly
+    return np.asarray(points_in_poly(pixels.astype(float), corners))
 
 
 def binned(picture: Gray, factor: int) -> Gray:

@@ -118,16 +118,13 @@ def fit_tube(
     return Tube(middle, np.interp(place, steps[body], radius), absorption, found_blur, enters)
 
 
-def draw(tube: Tube, shape: tuple[int, int], caps: tuple[float, float] = (0.0, 0.0)) -> Mask:
+def draw(tube: Tube, shape: tuple[int, int]) -> Mask:
     """Pixels whose centers a tube covers.
 
     Parameters
     ----------
     tube : Tube
     shape : (rows, columns)
-    caps : (float, float)
-        How far the round of each flat end face, seen obliquely, reaches beyond the middle
-        line's end, px.
     """
     from skimage.draw import polygon
 
@@ -144,14 +141,20 @@ def draw(tube: Tube, shape: tuple[int, int], caps: tuple[float, float] = (0.0, 0
         part = slice(start, start + 7)
         outline = np.concatenate([left[part], right[part][::-1]])
         mask[polygon(outline[:, 1], outline[:, 0], shape)] = True
+    return mask
+
+
+def end_face(tube: Tube, end: int, reach: float, shape: tuple[int, ...]) -> Mask:
+    """Pixels of the flat face at an end (0 or -1), an ellipse that reaches `reach` px farther."""
+    from skimage.draw import polygon
+
+    mask = np.zeros(shape, dtype=bool)
     around = np.linspace(0, 2 * np.pi, 40)
-    for end, reach in ((0, caps[0]), (-1, caps[1])):
-        if reach > 0.2 and not tube.enters[end]:
-            normal = _normals(line)[end]
-            along = np.array([normal[1], -normal[0]])
-            outline = line[end] + np.outer(np.cos(around), reach * along)
-            outline += np.outer(np.sin(around), radius[end] * normal)
-            mask[polygon(outline[:, 1], outline[:, 0], shape)] = True
+    normal = _normals(tube.line)[end]
+    along = np.array([normal[1], -normal[0]])
+    outline = tube.line[end] + np.outer(np.cos(around), reach * along)
+    outline += np.outer(np.sin(around), tube.radius[end] * normal)
+    mask[polygon(outline[:, 1], outline[:, 0], shape)] = True
     return mask
 
 
@@ -197,7 +200,7 @@ def _straightened(log: Gray, line: Floats, half: float) -> tuple[Floats, Floats]
     middle = (near + far) / 2
     share = (across + middle) / (2 * middle)
     behind = sides[0][:, None] * (1 - share) + sides[1][:, None] * share
-    return behind - straight, across
+    return np.asarray(behind - straight, dtype=float), across
 
 
 def _half_width(darkness: Floats, across: Floats) -> float:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from stereosom.arrays import Floats
+from stereosom.arrays import Floats, check_array
 
 from .chains import Chain, find_chains
-from .folds import add_folds
-from .picture import LEAST_LIGHT, Gray, Mask, binned, checked, inside, log_light
+from .free_ends import roundness, sharpen_ends
+from .picture import LEAST_LIGHT, Gray, Mask, binned, checked, in_polygon, log_light
 from .ridges import SCALES, find_ridges
-from .tube import Tube, draw, fit_tube
+from .tube import Tube, draw, end_face, fit_tube
 
 # The search is made where the longer side of the picture has about so many pixels.
 SEARCH_SIDE = 512
@@ -24,6 +24,10 @@ WIDEST = 12.0
 LEAST_ALONE = 0.25
 # Greatest variation of the absorption along a device, as a share of it.
 MOST_VARIATION = 0.35
+# An end face that reaches less far into the picture, px, changes nothing.
+LEAST_CAP = 0.2
+# A line that comes so near to the border of the field, px of the search, goes on beyond.
+AT_BORDER = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +53,7 @@ class View:
     factor: int
     margin: Gray
     greatest_width: float
+    field_of_view: Floats | None = None
 
     def distance_to_border(self, points: Floats) -> Floats:
         """Of points (n, 2), px of the whole picture, to the border of the field, px."""
@@ -58,8 +63,10 @@ class View:
         height, width = self.log.shape
         x, y = points.T
         picture = np.minimum(np.minimum(x, width - 1 - x), np.minimum(y, height - 1 - y))
-        field = self.margin[row, column] * self.factor * 4 - 2 * self.factor
-        return np.minimum(picture, np.where(self.margin[row, column] < 1e3, field, np.inf))
+        # The search keeps away from the border of the field by some pixels of the search.
+        field = (4 * self.margin[row, column] - 10) * self.factor
+        nearest = np.minimum(picture, np.where(self.margin[row, column] < 1e3, field, np.inf))
+        return np.asarray(nearest, dtype=float)
 
 
 def segment_xray(
@@ -119,13 +126,13 @@ def prepare(image: Any, *, field_of_view: Any | None = None, width_px: float | N
     lit = picture[:: 4 * factor, :: 4 * factor] > LEAST_LIGHT * float(picture.max())
     lit = ndimage.binary_closing(np.pad(lit, 4, mode="edge"), iterations=4)[4:-4, 4:-4]
     if field_of_view is not None:
-        lit &= inside(np.asarray(field_of_view, dtype=float) / (4 * factor), lit.shape)
-    if lit.all():
-        margin = np.full(lit.shape, 1e6)
-    else:
-        margin = ndimage.distance_transform_edt(lit)
+        field_of_view = check_array(field_of_view, "field of view", (None, 2))
+        row, column = 4 * factor * np.indices(lit.shape)
+        places = np.stack([column, row], axis=-1).reshape(-1, 2)
+        lit &= in_polygon(places, field_of_view).reshape(lit.shape)
+    margin = np.full(lit.shape, 1e6) if lit.all() else ndimage.distance_transform_edt(lit)
     width = WIDEST * side / SEARCH_SIDE if width_px is None else width_px
-    return View(log, coarse, factor, margin.astype(np.float32), float(width))
+    return View(log, coarse, factor, margin.astype(np.float32), float(width), field_of_view)
 
 
 def candidates(view: View, near: Floats | None = None, band: float = 24.0) -> list[Candidate]:
@@ -170,11 +177,17 @@ def fit(view: View, candidate: Candidate, blur: float | None = None) -> Tube | N
 def fill(view: View, tube: Tube, caps: tuple[float, float] = (0.0, 0.0)) -> Mask:
     """Mask of a tube: its pixels within the field, folded ends included."""
     rows, columns = view.log.shape
-    mask = draw(tube, (rows, columns), caps)
-    add_folds(mask, view.log, tube)
-    if view.margin.min() < 1:
+    mask = draw(tube, (rows, columns))
+    sharpen_ends(mask, view.log, tube)
+    for end, reach in zip((0, -1), caps, strict=True):
+        if reach > LEAST_CAP and not tube.enters[end]:
+            mask |= end_face(tube, end, reach * (1 - roundness(view.log, tube, end)), mask.shape)
+    if view.field_of_view is None and view.margin.min() < 1:
         lit = np.kron(view.margin >= 1, np.ones((4 * view.factor,) * 2, dtype=bool))
         mask &= lit[:rows, :columns]
+    if view.field_of_view is not None:
+        row, column = np.nonzero(mask)
+        mask[row, column] = in_polygon(np.column_stack([column, row]), view.field_of_view)
     return mask
 
 
@@ -182,14 +195,14 @@ def _candidate(view: View, chain: Chain, points: Floats) -> Candidate | None:
     """Judge a line; None where it can be no device."""
     side = max(view.log.shape)
     length = chain.length * view.factor
-    enters = view.distance_to_border(points[[0, -1]]) < 12 * view.factor
+    enters = view.distance_to_border(points[[0, -1]]) < AT_BORDER * view.factor
     # A device comes from outside. One that does not must be long to be believed.
     if length < (side / 12 if enters.any() else side / 6):
         return None
-    if chain.variation > MOST_VARIATION or enters.all():
+    if chain.variation > MOST_VARIATION:
         return None
     even = 1 - chain.variation / (2 * MOST_VARIATION)
-    likely = chain.typical * length * even * (1.0 if enters.any() else 0.4)
+    likely = chain.typical * length * even * (0.4, 1.0, 0.5)[int(enters.sum())]
     return Candidate(points, (bool(enters[0]), bool(enters[1])), chain.typical, likely)
 
 

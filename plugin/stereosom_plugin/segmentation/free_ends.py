@@ -1,0 +1,115 @@
+"""The free ends of a device, pixel by pixel: rounded, or folded back over the device."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from stereosom.arrays import Floats
+
+from .picture import Gray, Mask
+from .tube import Tube, edge_share
+
+# Of the light that the axis takes: what takes less is something else that touches the end.
+LEAST_SHARE = 0.6
+# A fold is looked for so far from the end, and the shape of the end itself, in radii.
+FOLD, END = 9.0, 2.5
+# Further blur before pixels are judged one by one, px.
+SMOOTHED = 0.6
+# The noise must lie so many times below the level of an edge.
+CLEAR = 3.5
+_SQUARE = np.ones((3, 3), dtype=bool)
+
+
+def sharpen_ends(mask: Mask, log: Gray, tube: Tube) -> None:
+    """Give a drawn tube the free ends that the picture shows, in place.
+
+    A device that points at the source, or away from it, ends round in the picture or bends
+    back over itself, where no middle line follows it.
+
+    Parameters
+    ----------
+    mask : (rows, columns) array of bool
+        As drawn.
+    log : (rows, columns) array
+        Logarithm of the light.
+    tube : Tube
+    """
+    for end in (0, -1):
+        if tube.enters[end]:
+            continue
+        radius = float(tube.radius[end])
+        place = tube.line[end]
+        reach = FOLD * radius + 4
+        low = np.maximum(np.floor(place - reach).astype(int), 0)
+        high = np.minimum(np.ceil(place + reach).astype(int) + 1, mask.shape[::-1])
+        window = slice(low[1], high[1]), slice(low[0], high[0])
+        if min(mask[window].shape, default=0) < 4:
+            continue
+        taken = _light_taken(log[window], radius)
+        drawn = mask[window]
+        usual = 1 - np.exp(-tube.absorption)
+        level = usual * edge_share(tube, SMOOTHED)
+        noise = 1.4826 * np.median(taken[~drawn]) if not drawn.all() else 0.0
+        if level < CLEAR * noise:
+            continue
+        dark = taken > level
+        row, column = np.indices(dark.shape)
+        away = np.hypot(column + low[0] - place[0], row + low[1] - place[1])
+        beside = ndimage.binary_dilation(drawn, _SQUARE)
+        at_end = away < END * radius + 1
+        folded = _folded(dark, drawn, taken, away, radius, LEAST_SHARE * usual)
+        mask[window] = (drawn & (dark | ~at_end)) | (dark & beside & at_end) | folded
+
+
+def roundness(log: Gray, tube: Tube, end: int) -> float:
+    """How round an end (0 or -1) is in the picture: 0 flat, as that of a cut tube, to 1.
+
+    Where the device bends towards the source its outermost place is a bend, not its end.
+    """
+    radius = float(tube.radius[end])
+    line = tube.line if end == -1 else tube.line[::-1]
+    back = min(len(line) - 1, 6)
+    along = (line[-1] - line[-1 - back]) / np.linalg.norm(line[-1] - line[-1 - back])
+    across = np.array([-along[1], along[0]])
+    steps = np.arange(-2 * radius - 2, radius + 3, 0.5)
+    places = 0.75 * radius * np.array([-1.0, 0.0, 1.0])
+    at = line[-1] + steps[:, None, None] * along + places[:, None] * across
+    light = ndimage.map_coordinates(log, [at[..., 1], at[..., 0]], order=1, mode="nearest")
+    light = np.asarray(ndimage.gaussian_filter1d(light, 1.5, axis=0), dtype=float)
+    reached = [_reached(steps, light[:, column]) for column in range(3)]
+    behind = reached[1] - min(reached[0], reached[2], key=lambda one: abs(one - reached[1]))
+    return float(np.clip(behind / (0.34 * radius), 0.0, 1.0))
+
+
+def _reached(steps: Floats, light: Floats) -> float:
+    """Where light rises half of its way."""
+    level = (light[: len(light) // 4].mean() + light[-4:].mean()) / 2
+    over = np.flatnonzero(light > level)
+    return float(steps[over[0]]) if len(over) else float(steps[-1])
+
+
+def _light_taken(log: Gray, radius: float) -> Gray:
+    """Share of light that thin things take, the noise of bright surroundings at zero."""
+    smooth = ndimage.gaussian_filter(log, SMOOTHED)
+    size = 2 * round(3 * radius) + 5
+    lit = ndimage.gaussian_filter(ndimage.grey_closing(smooth, (size, size), mode="nearest"), 2.0)
+    return np.asarray(1 - np.exp(smooth - lit), dtype=np.float32)
+
+
+def _folded(
+    dark: Mask, drawn: Mask, taken: Gray, away: Floats, radius: float, least: float
+) -> Mask:
+    """Pieces beside the drawn tube that are as dark as it, and begin near its end."""
+    beyond = ndimage.binary_opening(dark & ~drawn, np.ones((2, 2), dtype=bool))
+    labels, count = ndimage.label(beyond, _SQUARE)
+    if count == 0:
+        return np.zeros_like(dark)
+    numbers = np.arange(1, count + 1)
+    core = np.array([np.percentile(taken[labels == number], 60) for number in numbers])
+    nearest = ndimage.minimum(away, labels, numbers)
+    touching = np.bincount(labels[ndimage.binary_dilation(drawn, _SQUARE)], minlength=count + 1)
+    area = np.bincount(labels.ravel(), minlength=count + 1)
+    kept = (core > least) & (nearest < 3 * radius + 2)
+    kept &= (touching[1:] > 0) & (area[1:] > radius**2 / 2)
+    return dark & ndimage.binary_dilation(np.isin(labels, numbers[kept]), _SQUARE)
