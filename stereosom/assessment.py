@@ -18,10 +18,10 @@ _SAMPLES = 200
 # A curve is refused that lies this far from the device in a view, as a share of its length
 # there, or leaves this share of the device's pixels aside: such a curve is another one.
 _FARTHEST = 0.03
-_MOST_STRAY = 0.25
+MOST_STRAY = 0.25
 # Nor may so much of the curve, as a share, have no pixels at all: what is seen is then not one
 # device but several things.
-_MOST_UNSEEN = 0.4
+MOST_UNSEEN = 0.4
 # Below this nobody can tell a mask's edge, however well a curve happens to fit.
 _LEAST_RESIDUAL_PX = 0.1
 
@@ -119,7 +119,7 @@ def _agreement(view: str, points: Floats, camera: Camera, pixels: Floats) -> _Ag
     # Samples may lie closer than pixels do: one is seen where a pixel lies within two.
     reach = int(np.ceil(2 * _SAMPLES / length))
     unseen = 1 - float(np.mean(maximum_filter1d(seen, 2 * reach + 1)))
-    if unseen > _MOST_UNSEEN:
+    if unseen > MOST_UNSEEN:
         raise HardFrame(
             f"view {view}: the pixels fall into separate pieces ({unseen:.0%} of the curve that "
             "joins them is not seen)"
@@ -130,7 +130,7 @@ def _agreement(view: str, points: Floats, camera: Camera, pixels: Floats) -> _Ag
             f"(it lies {residual:.0f} px beside it)"
         )
     stray = float(np.mean(distance > near))
-    if stray > _MOST_STRAY:
+    if stray > MOST_STRAY:
         raise HardFrame(
             f"view {view}: {stray:.0%} of the pixels belong to no part of the curve that was found"
         )

@@ -41,11 +41,14 @@ def trim_to_shared_stretch(observation: Observation) -> Observation:
     if min(len(seen) for seen in pixels.values()) == 0:
         return observation
     cameras = {"a": rig.a, "b": rig.b}
-    angles = {view: rig.epipolar_angle(cameras[view], pixels[view]) for view in pixels}
-    entering = {
-        view: angles[view][observation.distance_to_border(view, pixels[view]) <= _AT_BORDER_PX]
-        for view in ("a", "b")
+    at_border = {
+        "a": observation.at_border("a", pixels["a"], _AT_BORDER_PX),
+        "b": observation.at_border("b", pixels["b"], _AT_BORDER_PX),
     }
+    if not any(near.any() for near in at_border.values()):
+        return observation
+    angles = {view: rig.epipolar_angle(cameras[view], pixels[view]) for view in pixels}
+    entering = {view: angles[view][at_border[view]] for view in pixels}
     fields = dict(zip("ab", observation.field_of_view or (), strict=True))
     for sign in (1.0, -1.0):  # the side of small angles, then that of large ones
         starts = {view: float(np.min(sign * angles[view])) for view in pixels}

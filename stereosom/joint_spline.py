@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from .arrays import Floats
-from .assessment import assess
+from .arrays import Booleans, Floats
+from .assessment import MOST_STRAY, MOST_UNSEEN
 from .backbone import Backbone
+from .camera import Camera
 from .ends import trim_to_shared_stretch
 from .matching import space_curve
 from .middle_line import middle_line
@@ -23,6 +25,10 @@ METHOD = "joint-spline"
 _SAMPLES = 200
 # Pixels of a mask this near to the border of the view are cut off there, and show no edge, px.
 _CUT_OFF = 2.5
+# Pixels at the border of their view: no other fits between.
+_AT_BORDER = 1.5
+# So many pixels, evenly drawn, tell how much lies beside the device.
+_DRAWN = 600
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,26 +98,32 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
             raise
         start, radius = options.start, _width_radius(seen, options.start)
     radius = options.prior.radius or radius
-    opened = _open_ends(seen, start, radius)
+    curve = start.sample(_SAMPLES)
+    contours = mask_contour(seen.pixels_a), mask_contour(seen.pixels_b)
+    opened = _open_ends(seen, contours, curve, radius)
     fit = fit_tube(
         seen.rig,
-        (_contour(seen, "a"), _contour(seen, "b")),
-        start.sample(_SAMPLES),
+        (_edges(seen, "a", contours[0]), _edges(seen, "b", contours[1])),
+        curve,
         radius,
         capped=(not opened[0], not opened[1]),
         radius_known=options.prior.radius is not None,
         segments=options.segments,
     )
+    residuals = _check(seen, fit)
     backbone, covariance = _cut_at_borders(seen, fit, opened)
     turned, because = _base_last(backbone, opened, seen, options)
     if turned:
         backbone, covariance = backbone.reversed(), covariance[::-1]
-    return assess(
-        backbone,
-        seen,
-        covariance=covariance,
-        method=METHOD,
+    return Reconstruction(
+        index=observation.index,
+        time=observation.time,
+        status="ok",
         reason=because,
+        method=METHOD,
+        backbone=backbone,
+        covariance=covariance,
+        residuals=residuals,
         radius=fit.radius,
     )
 
@@ -141,26 +153,59 @@ def _width_radius(seen: Observation, curve: Backbone) -> float:
     return float(np.mean(radii))
 
 
-def _contour(seen: Observation, view: View) -> Contour:
+def _edges(seen: Observation, view: View, contour: Contour) -> Contour:
     """Contour of a mask, without where the border of the view cuts it off."""
-    contour = mask_contour(seen.pixels_a if view == "a" else seen.pixels_b)
-    edge = seen.distance_to_border(view, contour.points) > _CUT_OFF
-    return contour.where(edge)
+    cut_off = seen.at_border(view, contour.points, _CUT_OFF)
+    return contour.where(~cut_off) if cut_off.any() else contour
 
 
-def _open_ends(seen: Observation, curve: Backbone, radius: float) -> tuple[bool, bool]:
+def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
+    """RMS offset of the middle of the device from the curve in either view, px.
+
+    Raises
+    ------
+    HardFrame
+        Where the tube is not what the masks show: mostly unseen, or with much beside it.
+    """
+    residuals = []
+    views: tuple[tuple[View, Camera, Floats], ...] = (
+        ("a", seen.rig.a, seen.pixels_a),
+        ("b", seen.rig.b, seen.pixels_b),
+    )
+    samples = fit.basis.values @ fit.backbone.coefficients
+    for (view, camera, pixels), look in zip(views, fit.looks, strict=True):
+        unseen = 1 - float(look.rims_seen().any(axis=0).mean())
+        if unseen > MOST_UNSEEN:
+            raise HardFrame(
+                f"view {view}: the pixels fall into separate pieces ({unseen:.0%} of the curve "
+                "that joins them is not seen)"
+            )
+        drawn = pixels[:: len(pixels) // _DRAWN + 1]
+        distance, _ = cKDTree(camera.project(samples)).query(drawn)
+        stray = float(np.mean(distance > 1.5 * look.half_width + 5))
+        if stray > MOST_STRAY:
+            raise HardFrame(
+                f"view {view}: {stray:.0%} of the pixels belong to no part of the curve that was "
+                "found"
+            )
+        offsets = look.middle_offsets
+        residuals.append(float(np.sqrt(np.mean(offsets**2))) if len(offsets) else 0.0)
+    return residuals[0], residuals[1]
+
+
+def _open_ends(
+    seen: Observation, contours: tuple[Contour, Contour], curve: Floats, radius: float
+) -> tuple[bool, bool]:
     """Whether the device goes on at the base and at the tip, beyond the border of a view."""
-    ends = np.stack([curve.base, curve.tip])
+    ends = curve[[0, -1]]
     opened = np.zeros(2, dtype=bool)
-    views: tuple[View, View] = ("a", "b")
-    for view in views:
-        camera = getattr(seen.rig, view)
-        pixels = seen.pixels_a if view == "a" else seen.pixels_b
-        at_border = pixels[seen.distance_to_border(view, pixels) <= 1.5]
-        # A middle line ends half a width before the device does.
-        width = 2 * radius / camera.pixel_size(ends)
-        for end, place in enumerate(camera.project(ends)):
-            if len(at_border):
+    views: tuple[tuple[View, Camera], ...] = (("a", seen.rig.a), ("b", seen.rig.b))
+    for (view, camera), contour in zip(views, contours, strict=True):
+        at_border = contour.points[seen.at_border(view, contour.points, _AT_BORDER)]
+        if len(at_border):
+            # A middle line ends half a width before the device does.
+            width = 2 * radius / camera.pixel_size(ends)
+            for end, place in enumerate(camera.project(ends)):
                 near = float(np.linalg.norm(at_border - place, axis=1).min())
                 opened[end] |= near < 1.5 * width[end] + 3
     return bool(opened[0]), bool(opened[1])
@@ -170,50 +215,44 @@ def _cut_at_borders(
     seen: Observation, fit: TubeFit, opened: tuple[bool, bool]
 ) -> tuple[Backbone, Floats]:
     """The curve, up to the border of the views at open ends, and its covariance there."""
-    whole = fit.backbone
-    covariance = fit.covariance_at(_SAMPLES)
-    s = whole.arc_lengths(2000)
-    points = whole(s)
-    inside = np.ones(len(s), dtype=bool)
-    assert seen.field_of_view is not None
-    for camera, corners in zip((seen.rig.a, seen.rig.b), seen.field_of_view, strict=True):
-        inside &= _inside(corners, camera.project(points))
-    start, stop = 0.0, whole.length
-    shown = s[inside]
-    if len(shown) > 1:
-        start = float(shown[0]) if opened[0] else start
-        stop = float(shown[-1]) if opened[1] else stop
-    backbone = whole.between(start, stop) if (start, stop) != (0.0, whole.length) else whole
-    at = np.linspace(start, stop, _SAMPLES) / whole.length * (_SAMPLES - 1)
-    low = np.clip(at.astype(int), 0, _SAMPLES - 2)
-    share = (at - low)[:, None, None]
-    covariance = (1 - share) * covariance[low] + share * covariance[low + 1]
-    return backbone, _held_along(backbone, covariance, seen, opened)
-
-
-def _held_along(
-    backbone: Backbone, covariance: Floats, seen: Observation, opened: tuple[bool, bool]
-) -> Floats:
-    """Covariance across the curve as fitted; along it that of the ends, and between them so.
-
-    Sliding along the curve changes nothing but the names of its points. An open end lies at the
-    border of the view, to a pixel.
-    """
-    tangents = backbone.tangent(backbone.arc_lengths(_SAMPLES))
+    backbone, start = fit.backbone, 0.0
+    if opened[0] or opened[1]:
+        s = backbone.arc_lengths(2000)
+        points = backbone(s)
+        inside = np.ones(len(s), dtype=bool)
+        assert seen.field_of_view is not None
+        for camera, corners in zip((seen.rig.a, seen.rig.b), seen.field_of_view, strict=True):
+            inside &= _inside(corners, camera.project(points))
+        shown = s[inside]
+        if len(shown) > 1:
+            start = float(shown[0]) if opened[0] else 0.0
+            stop = float(shown[-1]) if opened[1] else backbone.length
+            backbone = backbone.between(start, stop)
+    arc_length, tangents, covariance = fit.covariance_along()
+    # Sliding along the curve changes nothing but the names of its points: along it, the
+    # covariance is that of the ends, and between them so. An open end lies at the border of
+    # the view, to a pixel.
     along = np.einsum("ni,nij,nj->n", tangents, covariance, tangents)[[0, -1]]
-    pixel = float(seen.rig.a.pixel_size(backbone.sample(2)).mean())
+    pixel = float(seen.rig.a.pixel_size(fit.backbone.coefficients[:1])[0])
     along = np.where(opened, pixel**2, along)
-    weight = np.linspace(0, 1, _SAMPLES)
-    along_tangent = tangents[:, :, None] * tangents[:, None, :]
-    project = np.eye(3) - along_tangent
+    direction = tangents[:, :, None] * tangents[:, None, :]
+    project = np.eye(3) - direction
+    weight = (arc_length / arc_length[-1])[:, None, None]
     held = project @ covariance @ project
-    held += ((1 - weight) * along[0] + weight * along[1])[:, None, None] * along_tangent
-    held[0] = held[0] if opened[0] else covariance[0]
-    held[-1] = held[-1] if opened[1] else covariance[-1]
-    return np.asarray((held + held.transpose(0, 2, 1)) / 2)
+    held += ((1 - weight) * along[0] + weight * along[1]) * direction
+    for end in (0, -1):
+        if not opened[end]:
+            held[end] = covariance[end]
+    at = start + np.linspace(0, 1, _SAMPLES) * backbone.length
+    at *= arc_length[-1] / fit.backbone.length
+    place = np.clip(np.searchsorted(arc_length, at) - 1, 0, len(arc_length) - 2)
+    share = (at - arc_length[place]) / np.diff(arc_length)[place]
+    share = np.clip(share, 0, 1)[:, None, None]
+    held = (1 - share) * held[place] + share * held[place + 1]
+    return backbone, np.asarray((held + held.transpose(0, 2, 1)) / 2)
 
 
-def _inside(corners: Floats, pixels: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _inside(corners: Floats, pixels: Floats) -> Booleans:
     """Whether pixels (n, 2) lie in a convex polygon (m, 2)."""
     sides = np.roll(corners, -1, axis=0) - corners
     offset = pixels[:, None] - corners

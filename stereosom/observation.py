@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from .arrays import Floats, check_array
+from .arrays import Booleans, Floats, check_array
 from .camera import Camera, StereoRig
 
 Kind = Literal["filled", "edges"]
@@ -119,6 +119,27 @@ class Observation:
             distance = np.linalg.norm(pixels - start - share[:, None] * side, axis=1)
             nearest = np.minimum(nearest, distance)
         return nearest
+
+    def at_border(self, view: View, pixels: Any, within: float) -> Booleans:
+        """Whether (n, 2) pixels inside a view's field lie no farther from its border, (n,), px."""
+        pixels = np.asarray(pixels, dtype=float)
+        if len(pixels):
+            # A field is convex: what lies between pixels is as far from the border as they are.
+            x, y = pixels[:, 0], pixels[:, 1]
+            left, top, right, bottom = x.min(), y.min(), x.max(), y.max()
+            corners = [[left, top], [right, top], [right, bottom], [left, bottom]]
+            if self._inside(view, corners) and self.distance_to_border(view, corners).min() > within:
+                return np.zeros(len(pixels), dtype=bool)
+        return np.asarray(self.distance_to_border(view, pixels) <= within)
+
+    def _inside(self, view: View, pixels: Any) -> bool:
+        """Whether all of (n, 2) pixels lie in a view's field."""
+        assert self.field_of_view is not None
+        corners = self.field_of_view[0 if view == "a" else 1]
+        sides = np.roll(corners, -1, axis=0) - corners
+        offset = np.asarray(pixels, dtype=float)[:, None] - corners
+        turn = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
+        return bool(np.all(turn >= 0) or np.all(turn <= 0))
 
 
 def picture_border(camera: Camera) -> Floats:

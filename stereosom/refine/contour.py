@@ -18,8 +18,8 @@ class Contour:
     def __len__(self) -> int:
         return len(self.points)
 
-    def where(self, kept: Booleans) -> Contour:
-        """The part of it that is kept, by an (m,) array."""
+    def where(self, kept: Booleans | slice) -> Contour:
+        """The part of it that is kept, by an (m,) array or a slice."""
         return Contour(self.points[kept], self.directions[kept])
 
 

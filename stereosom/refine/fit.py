@@ -24,9 +24,11 @@ from .uncertainty import control_covariance, noise_variance
 
 # Edges farther from the outline than this, px, in one pass after the other, are no part of it;
 # then the spread of the residuals decides.
-FROM_AFAR = (40.0, 20.0, 12.0, 8.0, 5.0, 4.0)
-# Before the passes at these gates the ends are placed anew: the curve lies in the device then.
-_PLACING = (12.0, 8.0)
+FROM_AFAR = (40.0, 20.0, 12.0, 8.0, 4.0)
+# At this gate the ends are placed anew, and at this one it is settled which view shows them.
+_PLACING, _SETTLING = 12.0, 8.0
+# Views that put an end farther apart than this, px, do not show the same.
+_APART_PX = 2.0
 # From this gate on flat ends tell how the curve runs into them.
 _TURNING = 5.0
 # A step may slide along the curve only this weakly; a share of how strongly it is held across.
@@ -56,14 +58,19 @@ class TubeFit:
     looks: tuple[Look, Look]
     basis: SplineBasis
 
-    def covariance_at(self, count: int) -> Floats:
-        """Covariance (count, 3, 3), mm², at equal steps of arc length."""
-        s = self.backbone.arc_lengths(count)
-        values = self.basis.at(self.backbone._parameter(s))
-        m = self.basis.count
-        half = values @ self.covariance.reshape(m, -1)  # (count, 3 · m · 3): one sum at a time
-        half = half.reshape(count, 3, m, 3)
-        return np.asarray(np.einsum("nimj,nm->nij", half, values, optimize=True))
+    def covariance_along(self) -> tuple[Floats, Floats, Floats]:
+        """Arc lengths (n,), mm, unit tangents (n, 3) and covariance (n, 3, 3), mm², along it."""
+        samples = self.basis.values @ self.backbone.coefficients
+        steps = np.linalg.norm(np.diff(samples, axis=0), axis=1)
+        velocity = self.basis.slopes @ self.backbone.coefficients
+        tangents = velocity / np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), 1e-12)
+        m, n = self.basis.count, self.basis.samples
+        # The basis on one side, then on the other, where only four in a row are not zero.
+        half = (self.basis.values @ self.covariance.reshape(m, -1)).reshape(n, 3, m, 3)
+        near = self.basis.first[:, None] + np.arange(4)
+        every = np.arange(n)[:, None]
+        covariance = np.einsum("nkij,nk->nij", half[every, :, near], self.basis.values[every, near])
+        return np.concatenate([[0.0], np.cumsum(steps)]), tangents, np.asarray(covariance)
 
 
 def fit_tube(
@@ -107,14 +114,21 @@ def fit_tube(
     basis = spline_basis(segments)
     control, stiffness = basis.control_points(start), 1e-4
     settled_mm = _SETTLED_PX * float(rig.a.pixel_size(start[:1])[0])
+    # From afar, some of the edges tell as much as all.
+    thinned = (contours[0].where(slice(None, None, 4)), contours[1].where(slice(None, None, 4)))
+    shown = (capped, capped)
     for number in range(passes):
         gate = gates[number] if number < len(gates) else None
-        if gate in _PLACING:
+        if gate == _PLACING:
             tube = Tube.of(basis, control, radius, capped)
-            looks = _looks(rig, contours, tube, gate)
+            looks = _looks(rig, contours, tube, gate, shown)
             control = basis.control_points(seen_stretch(rig, contours, tube, looks, gate))
         tube = Tube.of(basis, control, radius, capped)
-        looks = _looks(rig, contours, tube, gate)
+        drawn = contours if gate is None or gate <= _PLACING else thinned
+        looks = _looks(rig, drawn, tube, gate, shown)
+        if gate == _SETTLING:
+            shown = _ends_shown(rig, tube, looks)
+            looks = _looks(rig, contours, tube, gate, shown)
         step = _Step(basis, control, tube, looks, caps_turn=gate is None or gate <= _TURNING)
         stiffness = step.evidence(stiffness)
         moved, grown = step.solve(stiffness, radius_known)
@@ -124,7 +138,7 @@ def fit_tube(
         if gate is None and step.across(moved) < settled_mm:
             break
     tube = Tube.of(basis, control, radius, capped)
-    looks = _looks(rig, contours, tube, None)
+    looks = _looks(rig, contours, tube, None, shown)
     return TubeFit(
         basis.backbone(control),
         radius,
@@ -134,11 +148,34 @@ def fit_tube(
     )
 
 
+_Ends = tuple[bool, bool]
+
+
+def _ends_shown(rig: StereoRig, tube: Tube, looks: tuple[Look, Look]) -> tuple[_Ends, _Ends]:
+    """Which flat ends each view shows: where one sees the device go on, the other's is hidden."""
+    shown = [list(tube.capped), list(tube.capped)]
+    for end, sign in ((0, -1.0), (1, 1.0)):
+        beyond = []
+        for camera, look in zip((rig.a, rig.b), looks, strict=True):
+            offset = look.cap_offsets[end]
+            at = tube.curve[[0, -1][end]][None]
+            along = sign * tube.tangents[[0, -1][end]]
+            shortened = np.linalg.norm(camera.jacobian(at)[0] @ along) * camera.pixel_size(at)[0]
+            beyond.append(offset / max(float(shortened), 0.2))
+        if abs(beyond[0] - beyond[1]) > _APART_PX:  # never so where one is not a number
+            shown[int(beyond[0] > beyond[1])][end] = False
+    return (shown[0][0], shown[0][1]), (shown[1][0], shown[1][1])
+
+
 def _looks(
-    rig: StereoRig, contours: tuple[Contour, Contour], tube: Tube, gate: float | None
+    rig: StereoRig,
+    contours: tuple[Contour, Contour],
+    tube: Tube,
+    gate: float | None,
+    shown: tuple[_Ends, _Ends],
 ) -> tuple[Look, Look]:
-    look_a = Look.at(tube, rig.a, contours[0], gate)
-    look_b = Look.at(tube, rig.b, contours[1], gate)
+    look_a = Look.at(tube, rig.a, contours[0], gate, shown[0])
+    look_b = Look.at(tube, rig.b, contours[1], gate, shown[1])
     for look in (look_a, look_b):
         if np.count_nonzero(look.weight) < look.samples // 4:
             raise HardFrame("the fit follows too little of the device's outline")

@@ -84,7 +84,14 @@ class Look:
     half_width: float
 
     @classmethod
-    def at(cls, tube: Tube, camera: Camera, contour: Contour, gate: float | None) -> Look:
+    def at(
+        cls,
+        tube: Tube,
+        camera: Camera,
+        contour: Contour,
+        gate: float | None,
+        shown: tuple[bool, bool] | None = None,
+    ) -> Look:
         """Match a contour to a tube's outline.
 
         Parameters
@@ -95,6 +102,8 @@ class Look:
         gate : float, optional
             Edges farther off, px, are no part of it. Where not given, those are not that lie
             beyond some times the spread, and the far ones among the others count less.
+        shown : (bool, bool), optional
+            Which of the flat ends this view shows. Default: those that the tube has.
 
         Raises
         ------
@@ -109,7 +118,7 @@ class Look:
             tube.curve,
             tube.tangents,
             tube.radius,
-            np.array(tube.capped),
+            np.array(shown or tube.capped),
         )
         half_width = tube.radius * float(np.median(grow[: 2 * len(tube.curve)]))
         turning = min(max(half_width, 2.0), 40.0)
@@ -176,6 +185,15 @@ class Look:
         _, _, base, tip = pieces(self.samples)
         least = _CAP_SHARE * 2 * self.half_width
         return bool(self.weight[base].sum() > least), bool(self.weight[tip].sum() > least)
+
+    @property
+    def cap_offsets(self) -> tuple[float, float]:
+        """How far the flat ends lie beyond the tube's, base and tip, px; NaN where not seen."""
+        offsets = [
+            float(self.total[cap].sum() / self.weight[cap].sum()) if seen else np.nan
+            for cap, seen in zip(pieces(self.samples)[2:], self.cap_seen, strict=True)
+        ]
+        return offsets[0], offsets[1]
 
     @property
     def middle_offsets(self) -> Floats:

@@ -24,8 +24,9 @@ __all__ = ["Change", "RigRefinement", "RigUncertainty", "epipolar_error", "refin
 
 # Fewer places than parameters that they can tell, and the answer would be mostly the prior's.
 LEAST_PLACES = 8
-# The standard deviation of a place that both views name, px, where everything is right.
-_NOISE = 0.7
+# The standard deviation of a place that both views name where everything is right: some px, and
+# a share of the device's width, because the outline of an end is not that of its middle.
+_NOISE_PX, _NOISE_WIDTHS = 0.5, 0.1
 _STEPS, _LONGEST_STEP, _SMALL_STEP = 30, 3.0, 2e-3
 
 
@@ -116,6 +117,8 @@ def refine_rig(
     deviation = deviations(uncertainty, rigs[0], pivot) if rigs else np.ones(14)
     state = np.zeros(14)  # in standard deviations
     information = np.eye(14)
+    widths = [line.width for _, a, b in frames for line in (a, b)] or [0.0]
+    noise = _NOISE_PX + _NOISE_WIDTHS * float(np.median(widths))
     for step in range(_STEPS):
         now = [corrected(rig, state * deviation, pivot) for rig in rigs]
         places = all_places(now, frames)
@@ -132,7 +135,7 @@ def refine_rig(
             nudged = state + 1e-3 * np.eye(14)[i]
             there = [corrected(rig, nudged * deviation, pivot) for rig in rigs]
             slope[:, i] = (sampson(there, places) - error) / 1e-3
-        scale = max(_NOISE, 1.4826 * float(np.median(np.abs(error))))
+        scale = max(noise, 1.4826 * float(np.median(np.abs(error))))
         weight = 1 / (1 + (error / (2.385 * scale)) ** 2) / scale**2
         information = slope.T @ (weight[:, None] * slope) + np.eye(14)
         move = np.linalg.solve(information, -slope.T @ (weight * error) - state)

@@ -20,10 +20,11 @@ _PROMINENCE = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Middle line of one view, (n, 2) px, to its ends, and which of both ends is a true one."""
+    """Middle line of one view, (n, 2) px, to its ends; which ends are true ones; width, px."""
 
     points: Floats
     free: Booleans
+    width: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ def _line(seen: Observation, view: View) -> Line:
         beyond = along[(along > 0) & (along < 2 * width) & (across < 0.3 * width + 0.5)]
         ends.append(outermost[0] + (float(beyond.max()) if len(beyond) else 0.0) * heading)
     free = seen.distance_to_border(view, np.array(ends)) > max(3.0, width)
-    return Line(np.vstack([ends[0], points, ends[1]]), free)
+    return Line(np.vstack([ends[0], points, ends[1]]), free, width)
 
 
 def all_places(rigs: list[StereoRig], frames: list[Frame]) -> Places:
