@@ -7,7 +7,7 @@ Cramér–Rao bound of the same curve before the same cameras (`cramer_rao`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -92,12 +92,12 @@ class Reached:
 def measure(
     *,
     shapes: int = 8,
-    sweeps: Sequence[str] = tuple(SWEEPS),
+    sweeps: Mapping[str, Sequence[Any]] = SWEEPS,
     progress: Progress = iter,
 ) -> list[Reached]:
-    """Reconstruct `shapes` random curves in every setting of the named sweeps."""
+    """Reconstruct `shapes` random curves in every setting: values of a `Setting`'s fields."""
     jobs = [
-        (name, value, seed) for name in sweeps for value in SWEEPS[name] for seed in range(shapes)
+        (name, value, seed) for name in sweeps for value in sweeps[name] for seed in range(shapes)
     ]
     return [_reach(name, value, seed) for name, value, seed in progress(jobs)]
 
@@ -152,7 +152,13 @@ def summary(reached: Sequence[Reached]) -> list[dict[str, Any]]:
 _MEASURED = ("across", "across_bound", "end", "end_bound", "stated", "deviation_bound")
 
 
-def run(output: Path, *, progress: Progress = iter, shapes: int = 8) -> str:
+def run(
+    output: Path,
+    *,
+    progress: Progress = iter,
+    shapes: int = 8,
+    sweeps: Mapping[str, Sequence[Any]] = SWEEPS,
+) -> str:
     """Measure, write the tables and the figure, and return the table.
 
     Parameters
@@ -161,9 +167,11 @@ def run(output: Path, *, progress: Progress = iter, shapes: int = 8) -> str:
     progress : callable
     shapes : int
         Random curves for every setting.
+    sweeps : mapping
+        Values of each field of `Setting` that is varied.
     """
     output.mkdir(parents=True, exist_ok=True)
-    reached = measure(shapes=shapes, progress=progress)
+    reached = measure(shapes=shapes, sweeps=sweeps, progress=progress)
     table = summary(reached)
     write_csv(output / "limits.csv", table)
     write_csv(output / "limits_runs.csv", [vars(one) for one in reached])
