@@ -7,7 +7,6 @@ contract with VMTK (`Abscissas`, `MaximumInscribedSphereRadius`, ...), SlicerVMT
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -20,26 +19,18 @@ from stereosom.arrays import Floats
 from stereosom.backbone import Backbone
 from stereosom.reconstruction import Reconstruction
 
-from .centerline import Centerline, from_polydata, read_vtp, vtk_messages
-from .errors import require
+from .centerline import Centerline, from_polydata, read_vtp
 from .files import write_whole
+from .vtp_writer import make_polydata, vtp_text
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-vtk_core = require("vtkmodules.vtkCommonCore", "vtk")
-vtk_data = require("vtkmodules.vtkCommonDataModel", "vtk")
-vtk_xml = require("vtkmodules.vtkIOXML", "vtk")
-numpy_support = require("vtkmodules.util.numpy_support", "vtk")
-
-_MARKUPS_SCHEMA = (
-    "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
-    "Resources/Schema/markups-schema-v1.0.3.json#"
-)
 _MOST_POINTS = 1_000_000
 
 __all__ = [
     "Centerline",
+    "from_polydata",
     "generator",
     "read_vtp",
     "to_centerline",
@@ -88,35 +79,21 @@ def to_polydata(
     """
     backbone, s = _sampled(result, samples, spacing)
     points = backbone(s)
-    polydata: vtkPolyData = vtk_data.vtkPolyData()
-    polydata.SetPoints(vtk_core.vtkPoints())
-    polydata.GetPoints().SetData(_array("Points", points))
-    polydata.SetLines(vtk_data.vtkCellArray())
-    polydata.GetLines().InsertNextCell(len(s), range(len(s)))
-
-    point_data = polydata.GetPointData()
-    for name, values in _point_arrays(result, backbone, s).items():
-        point_data.AddArray(_array(name, values))
-    point_data.SetActiveScalars("Abscissas")
-    point_data.SetActiveVectors("FrenetTangent")
-    point_data.SetActiveNormals("ParallelTransportNormals")
-
     # A closed curve has no chord to compare with.
     chord = float(np.linalg.norm(points[-1] - points[0]))
-    tortuosity = backbone.length / chord - 1 if chord > 0 else 0.0
-    polydata.GetCellData().AddArray(_array("Length", [backbone.length]))
-    polydata.GetCellData().AddArray(_array("Tortuosity", [tortuosity]))
-
-    field = polydata.GetFieldData()
-    field.AddArray(_strings("SPACE", ["LPS"]))
-    field.AddArray(_array("TimeValue", [result.time]))
-    field.AddArray(_array("Frame", [result.index]))
-    field.AddArray(_array("ReprojectionError", result.residuals))
-    field.AddArray(_strings("Method", [result.method]))
-    field.AddArray(_strings("Generator", [generator()]))
+    described: dict[str, Any] = {
+        "Length": [backbone.length],
+        "Tortuosity": [backbone.length / chord - 1 if chord > 0 else 0.0],
+        "SPACE": ["LPS"],
+        "TimeValue": [result.time],
+        "Frame": [result.index],
+        "ReprojectionError": result.residuals,
+        "Method": [result.method],
+        "Generator": [generator()],
+    }
     if source_uids:
-        field.AddArray(_strings("SourceSOPInstanceUID", source_uids))
-    return polydata
+        described["SourceSOPInstanceUID"] = list(source_uids)
+    return make_polydata(points, _point_arrays(result, backbone, s), described)
 
 
 def to_centerline(result: Reconstruction, **described: Any) -> Centerline:
@@ -132,16 +109,10 @@ def write_vtp(result: Reconstruction, path: str | Path, **described: Any) -> Non
     InputError
         Where the file cannot be written.
     """
-    writer = vtk_xml.vtkXMLPolyDataWriter()
-    writer.SetInputData(to_polydata(result, **described))
     # Python writes what VTK made: its errors say which of folder, right or room is missing.
-    writer.WriteToOutputStringOn()
-    with vtk_messages() as messages:
-        writer.Write()
-    if messages:
-        raise RuntimeError(f"{path}: VTK could not make the file: {messages[0]}")
+    text = vtp_text(to_polydata(result, **described))
     with write_whole(path) as part:
-        part.write_text(writer.GetOutputString(), encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
 
 
 def write_pvd(entries: Iterable[tuple[float, str]], path: str | Path) -> None:
@@ -162,42 +133,11 @@ def write_pvd(entries: Iterable[tuple[float, str]], path: str | Path) -> None:
 def write_markups(result: Reconstruction, path: str | Path, *, samples: int = 50) -> None:
     """Write a 3D Slicer markups curve (`.mrk.json`) with `samples` control points.
 
-    Slicer splines the points; fifty keep a device's curve to a few micrometres and can still
-    be moved by hand. Standard deviation and, where known, radius go along as measurements.
+    Standard deviation and, where known, radius go along: `exports.write_markups`.
     """
-    backbone, s = _sampled(result, samples, None)
-    measured = {"StandardDeviation": result.standard_deviation_at(s)}
-    if result.radius is not None:
-        measured["Radius"] = np.full(len(s), result.radius)
-    curve = {
-        "type": "Curve",
-        "coordinateSystem": "LPS",
-        "coordinateUnits": "mm",
-        "controlPoints": [
-            {
-                "id": str(number),
-                "label": {1: "base", len(s): "tip"}.get(number, ""),
-                "position": position.tolist(),
-                "selected": True,
-                "locked": False,
-                "visibility": True,
-                "positionStatus": "defined",
-            }
-            for number, position in enumerate(backbone(s), start=1)
-        ],
-        "measurements": [
-            {
-                "name": name,
-                "enabled": True,
-                "units": "mm",
-                "printFormat": "%-#4.4g%s",
-                "controlPointValues": values.tolist(),
-            }
-            for name, values in measured.items()
-        ],
-    }
-    with write_whole(path) as part:
-        part.write_text(json.dumps({"@schema": _MARKUPS_SCHEMA, "markups": [curve]}, indent=1))
+    from .exports import markups
+
+    markups.write_markups(to_centerline(result, samples=samples), path, most_points=samples)
 
 
 def generator() -> str:
@@ -239,17 +179,3 @@ def _point_arrays(result: Reconstruction, backbone: Backbone, s: Floats) -> dict
         radius = np.full(len(s), result.radius)
         arrays |= {"Radius": radius, "MaximumInscribedSphereRadius": radius}
     return arrays
-
-
-def _array(name: str, values: Any) -> Any:
-    array = numpy_support.numpy_to_vtk(np.array(values, dtype=np.float64, order="C"), deep=True)
-    array.SetName(name)
-    return array
-
-
-def _strings(name: str, values: Iterable[str]) -> Any:
-    array = vtk_core.vtkStringArray()
-    array.SetName(name)
-    for value in values:
-        array.InsertNextValue(value)
-    return array
