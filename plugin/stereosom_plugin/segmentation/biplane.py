@@ -16,8 +16,6 @@ from .picture import Mask
 from .tube import Tube
 from .xray import Candidate, View, candidates, fill, fit, prepare
 
-# Half the width of the band about where the device was, px of the search.
-BAND = 24.0
 # What is found in the band is believed where its length and absorption have changed by less than
 # these shares.
 LENGTH_CHANGE, ABSORPTION_CHANGE = 0.3, 0.4
@@ -79,7 +77,7 @@ class BiplaneSegmenter:
         seen: list[Tube] = []
         for view, last, camera in zip(views, (last_a, last_b), (rig.a, rig.b), strict=True):
             near = last.line if expected is None else _projected(expected, camera)
-            lines = candidates(view, near, BAND)
+            lines = candidates(view, near, float(np.median(last.radius)))
             if not lines:
                 return None
             tube = fit(view, max(lines, key=_likeness_to(last)), last.blur)

@@ -7,7 +7,7 @@ from scipy import ndimage
 
 from stereosom.arrays import Floats
 
-from .picture import Gray, Mask
+from .picture import Gray, Mask, darkest, log_at, log_light
 from .tube import Tube, edge_share
 
 # Of the light that the axis takes: what takes less is something else that touches the end.
@@ -21,7 +21,7 @@ CLEAR = 3.5
 _SQUARE = np.ones((3, 3), dtype=bool)
 
 
-def sharpen_ends(mask: Mask, log: Gray, tube: Tube) -> None:
+def sharpen_ends(mask: Mask, picture: Gray, tube: Tube) -> None:
     """Give a drawn tube the free ends that the picture shows, in place.
 
     A device that points at the source, or away from it, ends round in the picture or bends
@@ -31,8 +31,8 @@ def sharpen_ends(mask: Mask, log: Gray, tube: Tube) -> None:
     ----------
     mask : (rows, columns) array of bool
         As drawn.
-    log : (rows, columns) array
-        Logarithm of the light.
+    picture : (rows, columns) array
+        In proportion to the light.
     tube : Tube
     """
     for end in (0, -1):
@@ -46,7 +46,7 @@ def sharpen_ends(mask: Mask, log: Gray, tube: Tube) -> None:
         window = slice(low[1], high[1]), slice(low[0], high[0])
         if min(mask[window].shape, default=0) < 4:
             continue
-        taken = _light_taken(log[window], radius)
+        taken = _light_taken(log_light(picture[window], darkest(picture)), radius)
         drawn = mask[window]
         usual = 1 - np.exp(-tube.absorption)
         level = usual * edge_share(tube, SMOOTHED)
@@ -62,7 +62,7 @@ def sharpen_ends(mask: Mask, log: Gray, tube: Tube) -> None:
         mask[window] = (drawn & (dark | ~at_end)) | (dark & beside & at_end) | folded
 
 
-def roundness(log: Gray, tube: Tube, end: int) -> float:
+def roundness(picture: Gray, tube: Tube, end: int) -> float:
     """How round an end (0 or -1) is in the picture: 0 flat, as that of a cut tube, to 1.
 
     Where the device bends towards the source its outermost place is a bend, not its end.
@@ -75,8 +75,7 @@ def roundness(log: Gray, tube: Tube, end: int) -> float:
     steps = np.arange(-2 * radius - 2, radius + 3, 0.5)
     places = 0.75 * radius * np.array([-1.0, 0.0, 1.0])
     at = line[-1] + steps[:, None, None] * along + places[:, None] * across
-    light = ndimage.map_coordinates(log, [at[..., 1], at[..., 0]], order=1, mode="nearest")
-    light = np.asarray(ndimage.gaussian_filter1d(light, 1.5, axis=0), dtype=float)
+    light = ndimage.gaussian_filter1d(log_at(picture, at), 1.5, axis=0).astype(float)
     reached = [_reached(steps, light[:, column]) for column in range(3)]
     behind = reached[1] - min(reached[0], reached[2], key=lambda one: abs(one - reached[1]))
     return float(np.clip(behind / (0.34 * radius), 0.0, 1.0))

@@ -70,10 +70,23 @@ def binned(picture: Gray, factor: int) -> Gray:
     return np.asarray(total / np.float32(factor**2), dtype=np.float32)
 
 
-def log_light(picture: Gray) -> Gray:
-    """Natural logarithm of the light; darkness is held at `LEAST_LIGHT` of the brightest."""
-    brightest = float(picture[::4, ::4].max(initial=0)) or float(picture.max(initial=0))
-    return np.asarray(np.log(np.maximum(picture, max(LEAST_LIGHT * brightest, 1e-6))))
+def log_light(picture: Gray, least: float | None = None) -> Gray:
+    """Natural logarithm of the light, which is held at `least`; default: `darkest`."""
+    least = darkest(picture) if least is None else least
+    return np.asarray(np.log(np.maximum(picture, np.float32(least))))
+
+
+def log_at(picture: Gray, places: Floats) -> Gray:
+    """Natural logarithm of the light at places (..., 2), px, between pixels too."""
+    light = ndimage.map_coordinates(
+        picture, [places[..., 1], places[..., 0]], order=1, mode="nearest", output=np.float32
+    )
+    return np.asarray(np.log(np.maximum(light, darkest(picture))))
+
+
+def darkest(picture: Gray) -> float:
+    """Least light that is told from none, in the picture's values."""
+    return max(LEAST_LIGHT * float(picture[::4, ::4].max(initial=0)), 1e-6)
 
 
 def noise_of(log: Gray, block: int = 16) -> Gray:

@@ -11,17 +11,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
-from scipy.optimize import least_squares
 from scipy.special import ndtr
 
 from stereosom.arrays import Floats
 
-from .picture import Gray, Mask
+from .picture import Gray, Mask, log_at
 
 # Steps along and across the straightened picture, px.
 ALONG, ACROSS = 1.0, 0.5
 # The blur of an X-ray system with pixels of its own resolution, and how sure that is, px.
 BLUR, BLUR_SPREAD = 0.8, 0.3
+# Of the mean profile, as a share of the light: how well the model holds.
+PROFILE_NOISE = 0.02
 # A tube ends where it absorbs this share of the light that it does before. A half marks the end
 # of a blurred tube seen from the side; more, that of one seen obliquely, which fades out.
 END_SHARE = 0.55
@@ -29,7 +30,7 @@ END_SHARE = 0.55
 REACH = 16
 PASSES = 7
 # Knots of the chords that make a profile, of half a width.
-_OFFSETS = (np.arange(48) + 0.5) / 48
+_OFFSETS = (np.arange(24) + 0.5) / 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class Tube:
 
 
 def fit_tube(
-    log: Gray,
+    picture: Gray,
     points: Floats,
     *,
     enters: tuple[bool, bool],
@@ -66,8 +67,8 @@ def fit_tube(
 
     Parameters
     ----------
-    log : (rows, columns) array
-        Logarithm of the light.
+    picture : (rows, columns) array
+        In proportion to the light.
     points : (n, 2) array
         Along the device, to a few pixels.
     enters : (bool, bool)
@@ -89,7 +90,7 @@ def fit_tube(
     last_size = 0.0
     for attempt in range(PASSES):
         longer = _extended(line, REACH, smooth=4.0 if attempt == 0 else 1.5)
-        darkness, across = _straightened(log, longer, half)
+        darkness, across = _straightened(picture, longer, half)
         half = _half_width(darkness[REACH:-REACH], across)
         before = _end(darkness[::-1], across, half, enters[0])
         behind = _end(darkness, across, half, enters[1])
@@ -183,24 +184,27 @@ def _normals(line: Floats) -> Floats:
     return np.column_stack([-tangent[:, 1], tangent[:, 0]])
 
 
-def _straightened(log: Gray, line: Floats, half: float) -> tuple[Floats, Floats]:
+def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Floats]:
     """What is absorbed, (n, m), along a line and across it, and the m places across, px.
 
     What lies behind is drawn straight from one side of the device to the other.
     """
-    near, far = half + 2.0, half + 6.0
-    count = int(np.ceil(far / ACROSS))
+    near = half + 2.0
+    count = int(np.ceil((half + 6.0) / ACROSS))
+    far = ACROSS * count
     across = ACROSS * np.arange(-count, count + 1)
     place = line[:, None] + across[:, None] * _normals(line)[:, None]
-    straight = ndimage.map_coordinates(log, [place[..., 1], place[..., 0]], order=1, mode="nearest")
+    straight = log_at(picture, place)
     sides = []
-    for beside in ((across <= -near), (across >= near)):
-        level = np.median(straight[:, beside], axis=1)
+    beyond = int(np.floor((far - near) / ACROSS)) + 1
+    for beside in (straight[:, :beyond], straight[:, -beyond:]):
+        level = np.median(beside, axis=1)
         sides.append(ndimage.gaussian_filter1d(ndimage.median_filter(level, 5), 1.5))
     middle = (near + far) / 2
     share = (across + middle) / (2 * middle)
     behind = sides[0][:, None] * (1 - share) + sides[1][:, None] * share
-    return np.asarray(behind - straight, dtype=float), across
+    darkness: Floats = (behind - straight).astype(float)
+    return darkness, across
 
 
 def _half_width(darkness: Floats, across: Floats) -> float:
@@ -267,43 +271,50 @@ def _profile(
 ) -> tuple[Floats, float, float] | None:
     """Radius along the device (n,), absorption on the axis, and blur, of what fits best."""
     near = np.abs(across) < half + 3
-    place = across[near]
-
-    def residual(parameters: Floats, taken: Floats) -> Floats:
-        radius, absorption, center, spread = parameters
-        model = _blurred_chords(place - center, radius, absorption, spread)
-        scale = 0.02 * np.sqrt(len(place))
-        return np.append(model - taken, scale * (spread - (blur or BLUR)) / BLUR_SPREAD)
-
-    taken = 1 - np.exp(-np.median(darkness[:, near], axis=0))
+    place, darkness = across[near], darkness[:, near]
+    taken = 1 - np.exp(-np.median(darkness, axis=0))
     most = float(np.clip(taken.max(), 0.02, 0.98))
-    spread = blur or BLUR
-    start = [max(half, 0.6), -np.log(1 - most), 0.0, spread]
-    # A known blur stays as it is.
-    low = [0.4, 0.01, -2.0, 0.3 if blur is None else 0.999 * spread]
-    high = [3 * half + 2, 6.0, 2.0, 2.5 if blur is None else 1.001 * spread]
-    whole = least_squares(residual, np.clip(start, low, high), bounds=(low, high), args=(taken,))
-    if not np.isfinite(whole.x).all():
+    # Radius, absorption, blur, center: the blur is known beforehand, to some degree or wholly.
+    found = np.array([max(half, 0.6), -np.log(1 - most), blur or BLUR, 0.0])
+    low, high = np.array([0.4, 0.01, 0.3, -2.0]), np.array([3 * half + 2, 6.0, 2.5, 2.0])
+    prior = np.zeros(4)
+    prior[2] = (PROFILE_NOISE / (BLUR_SPREAD if blur is None else 0.01)) ** 2 * len(place)
+    for _ in range(12):
+        model, slopes = _with_slopes(place, found)
+        pull = slopes.T @ (taken - model) + prior * ((blur or BLUR) - found)
+        step = np.linalg.solve(slopes.T @ slopes + np.diag(prior + 1e-6), pull)
+        step = np.clip(step, -0.4 * np.abs(found) - 0.2, 0.4 * np.abs(found) + 0.2)
+        found = np.clip(found + step, low, high)
+        if np.abs(step).max() < 2e-3:
+            break
+    if not np.isfinite(found).all():
         return None
-    radius, absorption, center, spread = whole.x
+    radius, absorption, spread, _ = (float(one) for one in found)
     # The radius changes along the device, by perspective or its own make: by a straight line.
-    stretches = min(5, len(darkness) // 40)
+    stretches = min(6, len(darkness) // 30)
     radii = np.full(len(darkness), radius)
     if stretches >= 3:
-        found, places = [], []
-        for rows in np.array_split(np.arange(len(darkness)), stretches):
-            part = 1 - np.exp(-np.median(darkness[rows][:, near], axis=0))
+        rows = np.array_split(np.arange(len(darkness)), stretches)
+        parts = 1 - np.exp(-np.stack([np.median(darkness[row], axis=0) for row in rows]))
+        model, slopes = _with_slopes(place, found)
+        change = np.linalg.lstsq(slopes[:, [0, 1, 3]], (parts - model).T, rcond=None)[0][0]
+        places = np.array([row.mean() for row in rows])
+        steps = np.arange(len(darkness)) - places.mean()
+        grown = np.median(change) + _robust_slope(places, change) * steps
+        radii = np.clip(radius + grown, 0.7 * radius, 1.4 * radius)
+    return radii, absorption, spread
 
-            def of_radius(free: Floats, part: Floats = part) -> Floats:
-                return residual(np.array([free[0], free[1], center, spread]), part)[:-1]
 
-            one = least_squares(of_radius, [radius, absorption], bounds=(low[:2], high[:2]))
-            found.append(one.x[0])
-            places.append(rows.mean())
-        slope = _robust_slope(np.array(places), np.array(found))
-        steps = np.arange(len(darkness)) - np.mean(places)
-        radii = np.clip(np.median(found) + slope * steps, 0.7 * radius, 1.4 * radius)
-    return radii, float(absorption), float(spread)
+def _with_slopes(place: Floats, parameters: Floats) -> tuple[Floats, Floats]:
+    """Profile (n,) of radius, absorption, blur, center, and how it changes with them, (n, 4)."""
+
+    def model(radius: float, absorption: float, blur: float, center: float) -> Floats:
+        return _blurred_chords(place - center, radius, absorption, blur)
+
+    here = model(*parameters)
+    step = 1e-3
+    slopes = [(model(*(parameters + step * unit)) - here) / step for unit in np.eye(4)]
+    return here, np.stack(slopes, axis=1)
 
 
 def _robust_slope(x: Floats, y: Floats) -> float:

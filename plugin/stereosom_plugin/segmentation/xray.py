@@ -12,7 +12,7 @@ from stereosom.arrays import Floats, check_array
 
 from .chains import Chain, find_chains
 from .free_ends import roundness, sharpen_ends
-from .picture import LEAST_LIGHT, Gray, Mask, binned, checked, in_polygon, log_light
+from .picture import Gray, Mask, binned, checked, darkest, in_polygon, log_light
 from .ridges import SCALES, find_ridges
 from .tube import Tube, draw, end_face, fit_tube
 
@@ -28,6 +28,10 @@ MOST_VARIATION = 0.35
 LEAST_CAP = 0.2
 # A line that comes so near to the border of the field, px of the search, goes on beyond.
 AT_BORDER = 5.0
+# Half the width of the band about where the device was, px of the search.
+BAND = 24.0
+# Radius, px, below which a device of known width is not made narrower by a coarser search.
+NARROW = 1.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +46,13 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One picture, prepared: the logarithm of its light, the field, and how it is searched.
+    """One picture, prepared.
 
-    `coarse` is the logarithm where the search is made, `factor` how many pixels make one there,
-    `margin` the distance to the border of the field, px, at every fourth pixel of the search.
+    `factor` is how many of its pixels make one of the search; `margin` the distance to the
+    border of the field, in fours of those, at every fourth of them.
     """
 
-    log: Gray
-    coarse: Gray
+    picture: Gray
     factor: int
     margin: Gray
     greatest_width: float
@@ -60,7 +63,7 @@ class View:
         at = np.rint(points / (4 * self.factor)).astype(int)
         column = np.clip(at[:, 0], 0, self.margin.shape[1] - 1)
         row = np.clip(at[:, 1], 0, self.margin.shape[0] - 1)
-        height, width = self.log.shape
+        height, width = self.picture.shape
         x, y = points.T
         picture = np.minimum(np.minimum(x, width - 1 - x), np.minimum(y, height - 1 - y))
         # The search keeps away from the border of the field by some pixels of the search.
@@ -112,7 +115,7 @@ def segment_xray(
         tube = fit(view, candidate)
         if tube is not None:
             return fill(view, tube)
-    return np.zeros(view.log.shape, dtype=bool)
+    return np.zeros(view.picture.shape, dtype=bool)
 
 
 def prepare(image: Any, *, field_of_view: Any | None = None, width_px: float | None = None) -> View:
@@ -120,11 +123,10 @@ def prepare(image: Any, *, field_of_view: Any | None = None, width_px: float | N
     picture = checked(image)
     side = max(picture.shape)
     factor = max(1, round(side / SEARCH_SIDE))
-    log = log_light(picture)
-    coarse = log if factor == 1 else log_light(binned(picture, factor))
     # Where light comes, at every fourth pixel: a device is bridged, a collimator is not.
-    lit = picture[:: 4 * factor, :: 4 * factor] > LEAST_LIGHT * float(picture.max())
-    lit = ndimage.binary_closing(np.pad(lit, 4, mode="edge"), iterations=4)[4:-4, 4:-4]
+    lit = picture[:: 4 * factor, :: 4 * factor] > darkest(picture)
+    if not lit.all():
+        lit = ndimage.binary_closing(np.pad(lit, 4, mode="edge"), iterations=4)[4:-4, 4:-4]
     if field_of_view is not None:
         field_of_view = check_array(field_of_view, "field of view", (None, 2))
         row, column = 4 * factor * np.indices(lit.shape)
@@ -132,10 +134,10 @@ def prepare(image: Any, *, field_of_view: Any | None = None, width_px: float | N
         lit &= in_polygon(places, field_of_view).reshape(lit.shape)
     margin = np.full(lit.shape, 1e6) if lit.all() else ndimage.distance_transform_edt(lit)
     width = WIDEST * side / SEARCH_SIDE if width_px is None else width_px
-    return View(log, coarse, factor, margin.astype(np.float32), float(width), field_of_view)
+    return View(picture, factor, margin.astype(np.float32), float(width), field_of_view)
 
 
-def candidates(view: View, near: Floats | None = None, band: float = 24.0) -> list[Candidate]:
+def candidates(view: View, near: Floats | None = None, radius: float = 0.0) -> list[Candidate]:
     """Lines of a picture that may be the device, the likeliest first.
 
     Parameters
@@ -143,30 +145,41 @@ def candidates(view: View, near: Floats | None = None, band: float = 24.0) -> li
     view : View
     near : (n, 2) array, optional
         A line, px of the whole picture, about which to look.
-    band : float
-        How far from it, px of the search.
+    radius : float
+        Of the device, px, where it is known: it tells how coarse a search will do.
     """
-    coarse, origin = view.coarse, np.zeros(2)
-    field = _field(view)
+    factor, scales = view.factor, SCALES
+    if radius:
+        factor, scales = max(1, int(radius / NARROW)), SCALES[:1]
+        if radius / factor > SCALES[0][1] - 1:
+            scales = SCALES[1:2]
+    else:
+        width = view.greatest_width / factor
+        scales = tuple(scale for scale in SCALES if scale[1] < width + 1) or SCALES[:1]
+    rows, columns = (length // factor for length in view.picture.shape)
+    window, field = (slice(0, rows), slice(0, columns)), None
     if near is not None:
-        window, around = _band(near / view.factor, band, coarse.shape)
-        coarse = coarse[window]
-        field = around if field is None else around & field[window]
-        origin = np.array([window[1].start, window[0].start], dtype=float)
-    width = view.greatest_width / view.factor
-    wide = tuple(scale for scale in SCALES if scale[1] < width + 1) or SCALES[:1]
-    found = find_chains(find_ridges(coarse, wide), field)
-    whole = [
-        _candidate(view, chain, (chain.points + origin + 0.5) * view.factor - 0.5)
-        for chain in found[:40]
+        window, field = _band(near / factor, BAND * view.factor / factor, (rows, columns))
+    whole = tuple(slice(part.start * factor, part.stop * factor) for part in window)
+    coarse = log_light(binned(view.picture[whole], factor), darkest(view.picture))
+    if view.margin.min() < 1e3:
+        row = np.minimum(np.arange(rows) * factor // (4 * view.factor), view.margin.shape[0] - 1)
+        column = np.arange(columns) * factor // (4 * view.factor)
+        column = np.minimum(column, view.margin.shape[1] - 1)
+        lit = view.margin[row[window[0]]][:, column[window[1]]] >= 1.5
+        field = lit if field is None else field & lit
+    origin = np.array([window[1].start, window[0].start])
+    found = [
+        _candidate(view, chain, (chain.points + origin + 0.5) * factor - 0.5)
+        for chain in find_chains(find_ridges(coarse, scales), field)[:40]
     ]
-    return sorted((one for one in whole if one is not None), key=lambda one: -one.likely)
+    return sorted((one for one in found if one is not None), key=lambda one: -one.likely)
 
 
 def fit(view: View, candidate: Candidate, blur: float | None = None) -> Tube | None:
     """Fit a tube to the picture along a candidate."""
     return fit_tube(
-        view.log,
+        view.picture,
         candidate.points,
         enters=candidate.enters,
         greatest_width=view.greatest_width,
@@ -176,12 +189,13 @@ def fit(view: View, candidate: Candidate, blur: float | None = None) -> Tube | N
 
 def fill(view: View, tube: Tube, caps: tuple[float, float] = (0.0, 0.0)) -> Mask:
     """Mask of a tube: its pixels within the field, folded ends included."""
-    rows, columns = view.log.shape
+    rows, columns = view.picture.shape
     mask = draw(tube, (rows, columns))
-    sharpen_ends(mask, view.log, tube)
+    sharpen_ends(mask, view.picture, tube)
     for end, reach in zip((0, -1), caps, strict=True):
         if reach > LEAST_CAP and not tube.enters[end]:
-            mask |= end_face(tube, end, reach * (1 - roundness(view.log, tube, end)), mask.shape)
+            flat = 1 - roundness(view.picture, tube, end)
+            mask |= end_face(tube, end, reach * flat, mask.shape)
     if view.field_of_view is None and view.margin.min() < 1:
         lit = np.kron(view.margin >= 1, np.ones((4 * view.factor,) * 2, dtype=bool))
         mask &= lit[:rows, :columns]
@@ -193,8 +207,8 @@ def fill(view: View, tube: Tube, caps: tuple[float, float] = (0.0, 0.0)) -> Mask
 
 def _candidate(view: View, chain: Chain, points: Floats) -> Candidate | None:
     """Judge a line; None where it can be no device."""
-    side = max(view.log.shape)
-    length = chain.length * view.factor
+    side = max(view.picture.shape)
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     enters = view.distance_to_border(points[[0, -1]]) < AT_BORDER * view.factor
     # A device comes from outside. One that does not must be long to be believed.
     if length < (side / 12 if enters.any() else side / 6):
@@ -204,14 +218,6 @@ def _candidate(view: View, chain: Chain, points: Floats) -> Candidate | None:
     even = 1 - chain.variation / (2 * MOST_VARIATION)
     likely = chain.typical * length * even * (0.4, 1.0, 0.5)[int(enters.sum())]
     return Candidate(points, (bool(enters[0]), bool(enters[1])), chain.typical, likely)
-
-
-def _field(view: View) -> Mask | None:
-    """Where the search looks: some pixels within the border of the field."""
-    if view.margin.min() > 1e3:
-        return None
-    rows, columns = view.coarse.shape
-    return np.kron(view.margin >= 1.5, np.ones((4, 4), dtype=bool))[:rows, :columns]
 
 
 def _band(line: Floats, band: float, shape: tuple[int, ...]) -> tuple[tuple[slice, slice], Mask]:
