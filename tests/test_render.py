@@ -1,5 +1,6 @@
 """Pictures: where the views stand in space, and that every picture is drawn without a screen."""
 
+import dataclasses
 import subprocess
 import sys
 
@@ -90,7 +91,8 @@ def test_a_bright_pixel_stands_on_its_own_ray(camera):
 @pytest.mark.parametrize("angle", [30, 60, 90, 120])
 def test_pictures_stand_behind_the_device_and_do_not_cut_each_other(angle):
     rig, points = converging_rig(angle), arc().sample(50)
-    quad_a, quad_b = render._picture_quads(points, rig)
+    depths = render.views.picture_depths(points, rig)
+    quad_a, quad_b = map(render.picture_quad, (rig.a, rig.b), depths)
     for camera, quad in ((rig.a, quad_a), (rig.b, quad_b)):
         assert camera.depth(points).max() < camera.depth(quad.points).min()
     a_before_b = rig.b.depth(quad_a.points).max() < rig.b.depth(quad_b.points).min()
@@ -126,13 +128,28 @@ def test_scene_shows_device_and_both_views(tmp_path, views, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("color_by", ["Curvature", "StandardDeviation", "absent"])
+@pytest.mark.parametrize("color_by", ["Curvature", "StandardDeviation", "Time", None])
 def test_scene_of_a_file_without_pictures_or_radius(tmp_path, color_by):
     polydata.write_vtp(result(radius=None), tmp_path / "c.vtp")
     line = polydata.read_vtp(tmp_path / "c.vtp")
     rig = converging_rig(60)
     render.scene(line, rig, tmp_path / "s.png", color_by=color_by, size=(200, 150))
     assert picture_of(tmp_path / "s.png").shape[:2] == (150, 200)
+
+
+def test_what_a_file_does_not_hold_cannot_color_it(tmp_path):
+    line = polydata.to_centerline(result())
+    line = dataclasses.replace(line, arrays={})
+    with pytest.raises(InputError, match=r"no array StandardDeviation.*--color-by one of Time"):
+        render.scene(line, None, tmp_path / "s.png", color_by="StandardDeviation", size=(80, 60))
+    render.scene(line, None, tmp_path / "plain.png", size=(80, 60))
+    assert [file.name for file in tmp_path.iterdir()] == ["plain.png"]
+
+
+@pytest.mark.parametrize("view", ["a", "b"])
+def test_a_view_is_not_known_without_a_rig(tmp_path, view):
+    with pytest.raises(InputError, match=f"view {view}: is not known without a rig"):
+        render.scene(result(), None, tmp_path / "s.png", view=view, size=(80, 60))
 
 
 @pytest.mark.parametrize(

@@ -43,11 +43,17 @@ class Lettering:
         return np.array(self._image, dtype=np.uint8)
 
     def heading(self, lines: Sequence[str]) -> None:
-        """Lines at the top left, the first one larger."""
+        """Lines at the top left, the first one larger; each ends before what stands there."""
         y = float(self.margin)
         for number, line in enumerate(lines):
             height = round(self.letter * (1.3 if number == 0 else 1.0))
-            self._write((self.margin, y), line, height, INK)
+            band = (0, y - 2, self.width, y + 1.4 * height)
+            ends = [box[0] - self.letter for box in self.boxes if _meet(box, band)]
+            room = min([self.width - self.margin, *ends]) - self.margin
+            while line and typeface(height).getlength(line) > room:
+                line = line[:-2].rstrip(" …") + "…" if len(line) > 2 else ""
+            if line:
+                self._write((self.margin, y), line, height, INK)
             y += 1.55 * height
 
     def plate(self, words: str, corner: tuple[int, int] = (0, 0)) -> None:
@@ -68,7 +74,9 @@ class Lettering:
         image = require("PIL.Image", "vtk")
         self._image.paste(image.fromarray(np.tile(ramp, (thick, 1, 1))), (left, top))
         self.boxes.append((left, top, left + long, top + thick))
-        step = round_step(limits[1] - limits[0], 3)
+        # So many numbers as have room, with as much room between them.
+        widest = typeface(self.letter).getlength("0.000")
+        step = round_step(limits[1] - limits[0], float(np.clip(long / (2 * widest), 1, 3)))
         decimals = max(0, -int(np.floor(np.log10(step))))
         first = int(np.ceil(limits[0] / step - 1e-9))
         for k in range(first, int(np.floor(limits[1] / step + 1e-9)) + 1):
@@ -80,8 +88,13 @@ class Lettering:
     def swatches(self, named: Sequence[tuple[str, str, float]]) -> None:
         """What colors mean that are not in the color bar: (name, color, opacity), bottom right."""
         y = self.height - self.margin - self.letter
+        x = self.width - self.margin
+        widest = max((typeface(self.letter).getlength(name) for name, _, _ in named), default=0)
+        left = x - widest - 2.4 * self.letter
+        # In a narrow picture the scale bar is in the way: then above it.
+        while any(_meet((left, y - 2, x, y + 1.3 * self.letter), box) for box in self.boxes):
+            y -= self.letter
         for name, color, opacity in reversed(named):
-            x = self.width - self.margin
             left = self._write((x, y), name, self.letter, INK, "ra")[0]
             box = (left - 2.4 * self.letter, y, left - 0.6 * self.letter, y + self.letter)
             fill = (*rgb(color), round(255 * opacity))
