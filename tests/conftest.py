@@ -38,6 +38,17 @@ def _module(name):
     return module
 
 
+@pytest.fixture(scope="session")
+def calibration_files():
+    """The module `calibration_files.py`: one calibration in every format, and its numbers."""
+    spec = importlib.util.spec_from_file_location(
+        "calibration_files", HERE / "calibration_files.py"
+    )
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 @pytest.fixture
 def write_pair(dicom_files, tmp_path):
     """`dicom_files.write_pair` into this test's own folder."""
