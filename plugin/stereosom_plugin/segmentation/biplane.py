@@ -14,7 +14,7 @@ from stereosom_plugin.acquisition import Acquisition, FramePair
 from .both_views import agreeing, end_caps
 from .picture import Mask
 from .tube import Tube
-from .xray import Candidate, View, candidates, fill, fit, prepare
+from .xray import Candidate, View, candidates, empty_mask, fill, fit, prepare
 
 # What is found in the band is believed where its length and absorption have changed by less than
 # these shares.
@@ -62,7 +62,7 @@ class BiplaneSegmenter:
         if tube_a is not None and tube_b is not None:
             caps = end_caps(pair.rig, tube_a, tube_b)
         mask_a, mask_b = (
-            np.zeros(view.log.shape, dtype=bool) if tube is None else fill(view, tube, cap)
+            empty_mask(view) if tube is None else fill(view, tube, cap)
             for view, tube, cap in zip(views, self.tubes, caps, strict=True)
         )
         return mask_a, mask_b

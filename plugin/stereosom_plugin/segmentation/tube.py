@@ -203,8 +203,7 @@ def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Flo
     middle = (near + far) / 2
     share = (across + middle) / (2 * middle)
     behind = sides[0][:, None] * (1 - share) + sides[1][:, None] * share
-    darkness: Floats = (behind - straight).astype(float)
-    return darkness, across
+    return (behind - straight).astype(np.float64), across.astype(np.float64)
 
 
 def _half_width(darkness: Floats, across: Floats) -> float:

@@ -115,6 +115,11 @@ def segment_xray(
         tube = fit(view, candidate)
         if tube is not None:
             return fill(view, tube)
+    return empty_mask(view)
+
+
+def empty_mask(view: View) -> Mask:
+    """Mask of a picture in which no device is seen."""
     return np.zeros(view.picture.shape, dtype=bool)
 
 
@@ -148,7 +153,8 @@ def candidates(view: View, near: Floats | None = None, radius: float = 0.0) -> l
     radius : float
         Of the device, px, where it is known: it tells how coarse a search will do.
     """
-    factor, scales = view.factor, SCALES
+    factor = view.factor
+    scales: tuple[tuple[float, float], ...] = SCALES
     if radius:
         factor, scales = max(1, int(radius / NARROW)), SCALES[:1]
         if radius / factor > SCALES[0][1] - 1:
