@@ -155,15 +155,27 @@ class Backbone:
         """`count` points at equal steps of arc length, (count, 3), mm."""
         return self(self.arc_lengths(count))
 
+    def polyline(self, count: int) -> Floats:
+        """`count` points from base to tip, (count, 3), mm, at steps that are equal but for 1 %.
+
+        Much faster than `sample`, which is exact.
+        """
+        start, stop = self.knots[self.degree], self.knots[-self.degree - 1]
+        points = self._spline(np.linspace(start, stop, 4 * count))
+        steps = np.sqrt(np.sum(np.diff(points, axis=0) ** 2, axis=1))
+        reach = np.concatenate([[0.0], np.cumsum(steps)])
+        even = np.linspace(0.0, reach[-1], count)
+        return np.column_stack([np.interp(even, reach, axis) for axis in points.T])
+
     @property
     def base(self) -> Floats:
         """The proximal end, (3,), mm."""
-        return self(0.0)
+        return np.asarray(self._spline(self.knots[self.degree]))
 
     @property
     def tip(self) -> Floats:
         """The distal end, (3,), mm."""
-        return self(self.length)
+        return np.asarray(self._spline(self.knots[-self.degree - 1]))
 
     # ---- differential geometry -------------------------------------------------------
 

@@ -18,7 +18,7 @@ from .observation import Observation, View
 from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
 from .refine.contour import Contour, mask_contour
-from .refine.fit import TubeFit, fit_tube
+from .refine.fit import FROM_AFAR, FROM_NEAR, TubeFit, fit_tube
 
 METHOD = "joint-spline"
 
@@ -91,14 +91,13 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
         if len(pixels) < 20:
             raise HardFrame(f"view {view}: {len(pixels)} device pixels are too few to see a shape")
     seen = trim_to_shared_stretch(observation)
-    try:
-        start, radius = _first_curve(seen)
-    except HardFrame:
-        if options.start is None:
-            raise
-        start, radius = options.start, _width_radius(seen, options.start)
+    if options.start is None:
+        first, radius = _first_curve(seen)
+        curve, gates = first.sample(_SAMPLES), FROM_AFAR
+    else:
+        curve, gates = options.start.polyline(_SAMPLES), FROM_NEAR
+        radius = _width_radius(seen, curve)
     radius = options.prior.radius or radius
-    curve = start.sample(_SAMPLES)
     contours = mask_contour(seen.pixels_a), mask_contour(seen.pixels_b)
     opened = _open_ends(seen, contours, curve, radius)
     fit = fit_tube(
@@ -109,6 +108,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
         capped=(not opened[0], not opened[1]),
         radius_known=options.prior.radius is not None,
         segments=options.segments,
+        gates=gates,
     )
     residuals = _check(seen, fit)
     backbone, covariance = _cut_at_borders(seen, fit, opened)
@@ -142,15 +142,15 @@ def _first_curve(seen: Observation) -> tuple[Backbone, float]:
         raise HardFrame(f"the two views' lines make no curve in space ({error})") from None
 
 
-def _width_radius(seen: Observation, curve: Backbone) -> float:
-    """Radius of a filled device that follows a curve, by the area of its masks, mm."""
-    points = curve.sample(_SAMPLES)
+def _width_radius(seen: Observation, curve: Floats) -> float:
+    """Radius of a filled device that follows a curve (n, 3), by the area of its masks, mm."""
     radii = []
     for camera, pixels in ((seen.rig.a, seen.pixels_a), (seen.rig.b, seen.pixels_b)):
-        steps = np.linalg.norm(np.diff(camera.project(points), axis=0), axis=1)
+        steps = np.linalg.norm(np.diff(camera.project(curve), axis=0), axis=1)
         half_width = len(pixels) / max(float(steps.sum()), 1.0) / 2
-        radii.append(half_width * float(camera.pixel_size(points).mean()))
-    return float(np.mean(radii))
+        radii.append(half_width * float(camera.pixel_size(curve).mean()))
+    # Dirt adds to an area, and holes take from it; a device that went is no wide one.
+    return float(min(radii))
 
 
 def _edges(seen: Observation, view: View, contour: Contour) -> Contour:

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from . import joint_spline
 from .baselines import epipolar_search, marker_arcs, needle_fit, point_cloud_som, voxel_carving
+from .motion import Motion
 from .observation import Observation
 from .options import Options
 from .reconstruction import HardFrame, Reconstruction
@@ -37,6 +38,10 @@ METHODS: Mapping[str, Method] = MappingProxyType(
     }
 )
 DEFAULT_METHOD = joint_spline.METHOD
+
+# Frames that a curve is carried over where a view shows nothing.
+_CARRIED = 10
+_FEWEST_PIXELS = 20
 
 
 def reconstruct(
@@ -82,8 +87,10 @@ def track(
 ) -> Iterator[Reconstruction]:
     """Reconstruct a run, one result per observation, each starting from the one before.
 
-    Nothing is kept but the last curve. A frame that fails from the last curve is tried again
-    without it before it counts as failed.
+    Nothing is kept but the last curve and its motion. Where a view shows nothing, the curve is
+    carried on for up to ten frames, with status `predicted` and an uncertainty that grows; after
+    that it is `lost` until the device is seen again. Where the device is not found near where
+    it is expected, it is searched for anew in the whole picture, and the result says so.
 
     Parameters
     ----------
@@ -93,11 +100,37 @@ def track(
         As in `reconstruct`; `options.start`, where given, starts the first frame.
     """
     given = options or Options()
-    following = given
+    motion: Motion | None = None
     for observation in observations:
-        result = reconstruct(observation, method=method, options=following)
-        if not result.ok and following.start is not None:
-            result = reconstruct(observation, method=method, options=replace(given, start=None))
+        start = given.start if motion is None else motion.at(observation.time)
+        hidden = _hidden(observation)
+        if hidden and motion is not None:
+            if observation.index - motion.last.index <= _CARRIED:
+                yield motion.predicted(observation.index, observation.time, hidden)
+            else:
+                since = f"no device since frame {motion.last.index}"
+                yield Reconstruction(
+                    observation.index, observation.time, "lost", f"{hidden}; {since}", method
+                )
+            continue
+        result = reconstruct(observation, method=method, options=replace(given, start=start))
+        if not result.ok and start is not None:
+            why = result.reason
+            base = given.prior.base if motion is None else start.base
+            anew = replace(given, start=None, prior=replace(given.prior, base=base))
+            result = reconstruct(observation, method=method, options=anew)
+            if result.ok:
+                result = replace(result, reason=f"lost and found anew: {why}")
+            motion = None if result.ok else motion
         yield result
-        if result.backbone is not None:
-            following = replace(given, start=result.backbone)
+        if result.ok:
+            motion = Motion.after(result, motion)
+
+
+def _hidden(observation: Observation) -> str:
+    """Why nothing can be told of the device: a view that is as good as empty."""
+    for view, pixels in (("a", observation.pixels_a), ("b", observation.pixels_b)):
+        if len(pixels) < _FEWEST_PIXELS:
+            seen = f"{len(pixels)} device pixels are too few to see a shape"
+            return f"view {view}: {seen if len(pixels) else 'no device in the picture'}"
+    return ""

@@ -13,24 +13,31 @@ _compile = njit(cache=True, fastmath=False, nogil=True)
 @_compile
 def contour(pixels):  # type: ignore[no-untyped-def]
     """As `reference.contour`."""
-    n = len(pixels)
     left, top = np.floor(pixels[:, 0].min()) - MARGIN, np.floor(pixels[:, 1].min()) - MARGIN
     width = int(np.rint(pixels[:, 0].max() - left)) + MARGIN + 1
     height = int(np.rint(pixels[:, 1].max() - top)) + MARGIN + 1
     inside = np.zeros(width * height, dtype=np.uint8)
-    at = np.empty(n, dtype=np.int64)
-    for i in range(n):
+    at = np.empty(len(pixels), dtype=np.int64)
+    for i in range(len(pixels)):
         column, row = int(np.rint(pixels[i, 0] - left)), int(np.rint(pixels[i, 1] - top))
         at[i] = row * width + column
         inside[at[i]] = 1
-    count = 0
-    for i in range(n):
+    outer = np.zeros(width * height, dtype=np.uint8)
+    kept, count = 0, 0
+    for i in range(len(at)):
+        missing = 0
         for step in (1, -1, width, -width):
-            count += 1 - inside[at[i] + step]
+            missing += 1 - inside[at[i] + step]
+        if missing and not outer[at[i]]:
+            outer[at[i]] = 1
+            at[kept] = at[i]
+            kept += 1
+            count += missing
+    at = np.sort(at[:kept])
     points, directions = np.empty((count, 2)), np.empty((count, 2))
     k = 0
     for step, across_x, across_y in ((1, 0.5, 0.0), (-1, -0.5, 0.0), (width, 0.0, 0.5), (-width, 0.0, -0.5)):  # noqa: E501
-        for i in range(n):
+        for i in range(kept):
             if inside[at[i] + step]:
                 continue
             points[k, 0] = at[i] % width + across_x + left

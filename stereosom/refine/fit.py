@@ -25,6 +25,7 @@ from .uncertainty import control_covariance, noise_variance
 # Edges farther from the outline than this, px, in one pass after the other, are no part of it;
 # then the spread of the residuals decides.
 FROM_AFAR = (40.0, 20.0, 12.0, 8.0, 4.0)
+FROM_NEAR = (12.0, 8.0, 4.0)
 # At this gate the ends are placed anew, and at this one it is settled which view shows them.
 _PLACING, _SETTLING = 12.0, 8.0
 # Views that put an end farther apart than this, px, do not show the same.

@@ -10,8 +10,8 @@ from ..reconstruction import HardFrame
 from .contour import Contour
 from .look import Look, Tube
 
-# The curve is continued by so many radii at either end, to see whether the device goes on.
-_BEYOND = 6.0
+# The curve is continued by so many radii, or pixels, at either end, to see whether it goes on.
+_BEYOND, _BEYOND_PX = 6.0, 24.0
 # Of a hole that hides the device in one or both views, in radii.
 _LONGEST_HOLE = 4.5
 # A view that sees a stretch shortened to less than this share of the other's says nothing of it.
@@ -60,7 +60,9 @@ def seen_stretch(
     step = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).mean())
     if step <= 0:
         raise HardFrame("the fit shrank to a point")
-    beyond = min(int(np.ceil(_BEYOND * tube.radius / step)), len(curve))
+    pixel = float(max(camera.pixel_size(curve[:1])[0] for camera in (rig.a, rig.b)))
+    beyond = max(_BEYOND * tube.radius, _BEYOND_PX * pixel)
+    beyond = min(int(np.ceil(beyond / step)), len(curve))
     ahead = step * np.arange(1, beyond + 1)[:, None]
     before, after = curve[0] - ahead[::-1] * tangents[0], curve[-1] + ahead * tangents[-1]
     extended = np.vstack([before, curve, after])

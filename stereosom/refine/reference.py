@@ -145,12 +145,12 @@ def contour(pixels: Floats) -> tuple[Floats, Floats]:
     cells = np.rint(pixels - corner).astype(np.int64)
     width, height = cells.max(axis=0) + MARGIN + 1
     inside = np.zeros(width * height, dtype=np.uint8)
-    at = cells[:, 1] * width + cells[:, 0]
+    at = np.unique(cells[:, 1] * width + cells[:, 0])  # in one order, whatever theirs is
     inside[at] = 1
     points, directions = [], []
     for step, across in ((1, (0.5, 0.0)), (-1, (-0.5, 0.0)), (width, (0.0, 0.5)), (-width, (0.0, -0.5))):  # noqa: E501
         edge = inside[at + step] == 0
-        points.append(cells[edge] + across)
+        points.append(np.column_stack([at[edge] % width, at[edge] // width]) + across)
         away = np.zeros((int(edge.sum()), 2))
         for x, y in AROUND:
             beside = inside[at[edge] + y * width + x].astype(float)
