@@ -89,7 +89,7 @@ def test_a_film_that_breaks_off_leaves_nothing(tmp_path, suffix):
 def test_what_cannot_be_a_film_is_refused(tmp_path):
     path = tmp_path / "film.mp4"
     odd = (picture[:-1] for picture in pictures(2))
-    with pytest.raises(InputError, match="128x95: is odd.*give --size 128x94"):
+    with pytest.raises(InputError, match=r"128x95: is odd.*give --size 128x94"):
         render.write_film(odd, path, fps=5)
     with pytest.raises(InputError, match="no pictures"):
         render.write_film(iter(()), path, fps=5)

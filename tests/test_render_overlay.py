@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_erosion, distance_transform_edt
 
 from stereosom.camera import Camera
 from stereosom.synthetic import arc, converging_rig, silhouette
@@ -43,8 +44,6 @@ def test_what_was_segmented_is_outlined_where_it_is():
     near = np.linalg.norm(drawn[:, None] - pixels[None, ::3], axis=2).min(axis=1)
     assert near.max() < 4
     # None of it inside: an outline, no filling.
-    from scipy.ndimage import binary_erosion
-
     inside = binary_erosion(mask, iterations=3)
     assert not inside[drawn[:, 1], drawn[:, 0]].any()
 
@@ -57,17 +56,16 @@ def test_an_overlay_of_any_size_keeps_the_line_on_the_device(size):
     over = render.Overlay(picture, RIG.a, CURVE.sample(200), color="#ff0000")
     both = render.overlaid(over, size=size)
     assert both.shape == (size[1], size[0], 3)
-    line = colored(both, "#ff0000")
-    dark = np.argwhere(bare.sum(axis=-1) < 200)[:, ::-1]
-    middle = line.mean(axis=0)
-    np.testing.assert_allclose(middle, dark.mean(axis=0), atol=3)
+    x, y = colored(both, "#ff0000").T
+    middle = (y > y.min() + 20) & (y < y.max() - 20)  # without the marks at the ends
+    # How deep inside the device: everywhere nearly as deep as its axis.
+    depth = distance_transform_edt(bare.sum(axis=-1) < 200)
+    assert depth[y[middle], x[middle]].min() > 0.4 * depth.max()
 
 
 def test_spread_across_a_projected_line_by_hand():
     """1000 px at 500 mm: 2 px a millimetre. Across the line 0.5 mm deviate, along it 9 mm."""
-    camera = Camera.from_pose(
-        [[1000, 0, 0], [0, 1000, 0], [0, 0, 1]], np.eye(3), [0, 0, 500], (9, 9)
-    )
+    camera = Camera.from_pose(np.diag([1000, 1000, 1]), np.eye(3), [0, 0, 500], (9, 9))
     points = np.linspace([-20, 0, 0], [20, 0, 0], 30)
     covariance = np.tile(np.diag([81.0, 0.25, 400.0]), (30, 1, 1))
     np.testing.assert_allclose(deviation_px(camera, points, covariance), 1.0, rtol=0.02)
