@@ -146,3 +146,31 @@ def test_a_rough_edge_wanders_as_much_as_the_bound_is_told():
     found = np.std(offsets) * np.sqrt(block)
     assert found == pytest.approx(deviation(amplitude), rel=0.15)
     assert deviation(0) == PIXEL_DEVIATION
+
+
+def test_the_bounds_outline_is_the_edge_that_vtk_draws():
+    pytest.importorskip("pyvista")
+    from scipy.spatial import cKDTree
+    from skimage.measure import find_contours
+
+    from stereosom_plugin.experiments import cramer_rao
+    from stereosom_plugin.experiments.rough_masks import coverage
+
+    # Bent, and seen obliquely at both ends: rims and both flat ends count.
+    curve, radius, camera = arc(60, 90), 3.0, converging_rig(60).a
+    tube = cramer_rao._Family.around(curve, radius, 16).member()
+    pieces = cramer_rao._outline(tube, camera)
+    shown = cramer_rao._shown(tube, camera, pieces)
+    covered = coverage(curve, radius, camera)
+    edge = np.concatenate(find_contours(covered, 0.5))[:, ::-1]
+    for piece, seen in zip(pieces, shown, strict=True):
+        assert seen.mean() > 0.9
+        along = np.gradient(piece, axis=0)
+        normal = np.column_stack([along[:, 1], -along[:, 0]])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        _, nearest = cKDTree(edge).query(piece)
+        offset = np.sum((edge[nearest] - piece) * normal, axis=1)[seen]
+        assert abs(offset.mean()) < 0.06  # pixels round the corners of an end
+        assert np.sqrt(np.mean(offset**2)) < 0.15
+    distance, _ = cKDTree(np.concatenate(pieces)).query(edge)
+    assert distance.max() < 0.7  # nothing of the edge has no counterpart

@@ -54,7 +54,7 @@ def coverage(curve: Backbone, radius: float, camera: Camera) -> Floats:
     part = Camera(shift @ camera.projection, (int(high[0] - low[0]), int(high[1] - low[1])))
     # An odd number of rays across a pixel: none is half covered, so none is rounded either way.
     gray = mockup.render_tube(
-        curve, radius, part, gray=0, background=255, light=None, oversampling=3
+        curve, radius, part, gray=0, background=255, light=None, oversampling=3, smoothed=False
     )
     whole = np.zeros((height, width))
     whole[low[1] : high[1], low[0] : high[0]] = 1 - gray / 255
