@@ -16,6 +16,9 @@ DEFLATED = "1.2.840.10008.1.2.1.99"
 
 # No real header comes near it: ten thousand frames with a kilobyte of geometry each.
 MOST_HEADER_BYTES = 16 << 20
+# Every item of a sequence costs microseconds and a kilobyte once it is parsed.
+MOST_ITEMS, MOST_READS = 100_000, 500_000
+ITEM_MARK = b"\xfe\xff\x00\xe0"
 
 # Only these are read; whatever else a file holds is stepped over, however large it is.
 KEYWORDS = (
@@ -87,7 +90,12 @@ class Header:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # odd values are judged here, not by pydicom
                 layer = next((layer for layer in self.layers if keyword in layer), None)
-                value = None if layer is None else layer.get(keyword)
+                value = None
+                if layer is not None:
+                    self._check_items(layer, keyword)
+                    value = layer.get(keyword)
+        except InputError:
+            raise
         except Exception:  # pydicom raises many kinds on malformed values
             raise self._malformed(keyword) from None
         return None if value is None or value == "" or value == [] else value
@@ -166,6 +174,14 @@ class Header:
         except Exception:  # pydicom raises many kinds on malformed values
             raise self._malformed("PerFrameFunctionalGroupsSequence") from None
 
+    def _check_items(self, layer: Any, keyword: str) -> None:
+        """Refuse a sequence of too many items before it is parsed."""
+        raw = getattr(layer.get_item(keyword), "value", None)
+        if isinstance(raw, bytes) and raw.count(ITEM_MARK) > MOST_ITEMS:
+            raise self.refuse(
+                f"{label(keyword)} holds more than {MOST_ITEMS} items", "export a shorter run"
+            )
+
     def missing(self, *keywords: str) -> InputError:
         """The error to raise where elements that nothing can stand in for are absent."""
         names = " or ".join(map(label, keywords))
@@ -228,7 +244,9 @@ def read_header(path: Path) -> Header:
         raise
     except _TooLarge:
         raise InputError(
-            path, "has a header of more than 16 MiB, or a torn one", "export the object again"
+            path,
+            "has a header of more than 16 MiB or of too many items, or a torn one",
+            "export the object again",
         ) from None
     except OSError as error:
         raise InputError(path, error.strerror or "cannot be read", "check the file") from None
@@ -247,11 +265,12 @@ class _Bounded:
     """A file of which no more is read than a header may hold; what is stepped over is free."""
 
     def __init__(self, file: BinaryIO) -> None:
-        self.file, self.left = file, MOST_HEADER_BYTES
+        self.file, self.left, self.reads = file, MOST_HEADER_BYTES, 0
         self.seek, self.tell, self.name = file.seek, file.tell, file.name
 
     def read(self, size: int = -1) -> bytes:
-        if not 0 <= size <= self.left:
+        self.reads += 1
+        if not 0 <= size <= self.left or self.reads > MOST_READS:
             raise _TooLarge
         self.left -= size
         return self.file.read(size)

@@ -214,6 +214,13 @@ def _uncompressed_spans(
             f"is truncated: {present} bytes of pixels, {frames} frames need {frames * size}",
             "copy or export it again",
         )
+    # A pad byte or two do no harm; a row more says that rows, columns or frames are wrong.
+    row = size // header.whole("Rows")
+    if length != UNDEFINED and length - frames * size >= max(row, 2):
+        raise header.refuse(
+            f"holds {length} bytes of pixels, but {frames} frames take {frames * size}",
+            "correct Rows, Columns or NumberOfFrames",
+        )
     return tuple(((first + index * size, size),) for index in range(frames))
 
 
