@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from stereosom.arrays import Floats
 
 from .model import Lens
 
+_CELL_PX = 8
 _MOST_STRETCH = 8
 _MOST_PIXELS = 64e6
 
@@ -47,10 +49,15 @@ def undistorted_mask_pixels(mask: Any, lens: Lens) -> Floats:
     if len(row) == 0:
         return np.empty((0, 2))
     seen = np.column_stack([column, row]).astype(np.float64)
-    ideal = lens.undistort(seen)
+    ideal = _smoothly(lens.undistort_where_defined, seen)
+    unknown = ~np.isfinite(ideal).all(axis=1)
+    if unknown.any():  # at the rim of the model, a node beyond it may have spoilt a cell
+        ideal[unknown] = lens.undistort(seen[unknown])
     # How far apart two neighbors may land: so far around each we look.
-    nudged = lens.undistort(seen + np.where(seen > 0.5, -0.5, 0.5))
-    reach = int(np.ceil(min(2 * np.abs(nudged - ideal).max(), _MOST_STRETCH)))
+    some = slice(None, None, max(1, len(seen) // 1000))
+    nudged = lens.undistort_where_defined(seen[some] + np.where(seen[some] > 0.5, -0.5, 0.5))
+    shift = np.nanmax(np.abs(nudged - lens.undistort(seen[some])), initial=0.5)
+    reach = int(np.ceil(min(2 * shift, _MOST_STRETCH)))
     low = np.floor(ideal.min(axis=0)).astype(int) - reach - 1
     size = np.ceil(ideal.max(axis=0)).astype(int) + reach + 2 - low
     if np.prod(size, dtype=float) > _MOST_PIXELS:
@@ -63,6 +70,30 @@ def undistorted_mask_pixels(mask: Any, lens: Lens) -> Floats:
     near[y, x] = True
     near = ndimage.binary_dilation(near, np.ones((3, 3), dtype=bool), iterations=reach)
     candidates = (np.argwhere(near)[:, ::-1] + low).astype(np.float64)
-    looked_up = np.nan_to_num(lens.distort_where_defined(candidates), nan=-1e6)
+    looked_up = np.nan_to_num(_smoothly(lens.distort_where_defined, candidates), nan=-1e6)
     cover = ndimage.map_coordinates(mask.astype(np.float32), looked_up[:, ::-1].T, order=1)
     return np.asarray(candidates[cover >= 0.5])
+
+
+def _smoothly(function: Callable[[Floats], Floats], pixels: Floats) -> Floats:
+    """A smooth map of pixels (n, 2), by its values at the corners of cells of 8 × 8 pixels.
+
+    Lenses bend little within a cell: bilinear interpolation is right to some hundredths of a
+    pixel, where a mask knows its edge to half of one, and takes a tenth of the time.
+    """
+    low = np.floor(pixels.min(axis=0) / _CELL_PX).astype(int)
+    place = pixels / _CELL_PX - low
+    cell = np.floor(place).astype(int)
+    x, y = cell.T
+    held = np.zeros(cell.max(axis=0)[::-1] + 2, dtype=bool)
+    held[y, x] = True
+    # A cell's corners are its own and those to the right and below.
+    held[1:] |= held[:-1].copy()
+    held[:, 1:] |= held[:, :-1].copy()
+    nodes = np.argwhere(held)
+    values = np.full((*held.shape, 2), np.nan)
+    values[held] = function(((nodes[:, ::-1] + low) * _CELL_PX).astype(np.float64))
+    u, v = (place - cell).T[..., None]
+    above = (1 - u) * values[y, x] + u * values[y, x + 1]
+    below = (1 - u) * values[y + 1, x] + u * values[y + 1, x + 1]
+    return np.asarray((1 - v) * above + v * below)
