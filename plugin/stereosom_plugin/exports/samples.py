@@ -78,7 +78,10 @@ def check_color(lines: Sequence[Centerline], color_by: str | None) -> str | None
 
 
 def value_range(values: Iterable[Floats]) -> tuple[float, float]:
-    """Least and greatest of all values; a little apart where they are one."""
-    together = np.concatenate(list(values))
-    low, high = float(together.min()), float(together.max())
-    return (low, high) if high - low > 1e-12 * max(abs(high), 1e-12) else (low, low + 1e-9)
+    """Range that colors span, of all values; a little apart where they are one.
+
+    From the 1st to the 98th percentile: curvature runs away at the very ends of a fit, and
+    would leave one color to the rest.
+    """
+    low, high = (float(v) for v in np.percentile(np.concatenate(list(values)), [1, 98]))
+    return (low, high) if high - low > 1e-9 * max(abs(high), 1e-9) else (low, low + 1e-9)

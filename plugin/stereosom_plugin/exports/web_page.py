@@ -9,6 +9,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stereosom.arrays import Floats
 
 from ..centerline import Centerline
@@ -48,8 +50,7 @@ def write_web_page(
     run = {
         "colorBy": color_by or "",
         "colors": {
-            name: {"unit": UNITS[name], "range": value_range(s.arrays[name] for s in samples)}
-            for name in colors
+            name: _legend(name, [sample.arrays[name] for sample in samples]) for name in colors
         },
         "frames": [
             {
@@ -76,6 +77,11 @@ def write_web_page(
     page = page.replace("TITLE", html.escape(Path(path).stem), 1).replace("RUN_DATA", data, 1)
     with write_whole(path) as part:
         part.write_text(page, encoding="utf-8")
+
+
+def _legend(name: str, values: Sequence[Floats]) -> dict[str, Any]:
+    least, most = (float(find(np.concatenate(values))) for find in (np.min, np.max))
+    return {"unit": UNITS[name], "range": value_range(values), "least": least, "most": most}
 
 
 def _digits(values: Floats) -> list[float]:
