@@ -280,7 +280,7 @@ def mutated(whole, random, header):
     """One of many ways in which a file can be damaged."""
     data = bytearray(whole)
     way = random.integers(6)
-    for _ in range(random.integers(1, 9)):
+    for _ in range(random.integers(1, 4)):
         place = int(random.integers(0, header))
         if way <= 2:
             data[place] = random.integers(256)
@@ -321,7 +321,7 @@ def independently(path):
         ]
     )
     right = np.array([np.cos(primary), np.sin(primary), 0])
-    down = np.cross(to_detector, right)
+    down = np.cross(right, to_detector)
     scale = detector / (isocenter + POINTS @ to_detector)
     return np.column_stack(
         [center[0] + scale * (POINTS @ right) / columns, center[1] + scale * (POINTS @ down) / rows]

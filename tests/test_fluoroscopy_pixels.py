@@ -241,12 +241,23 @@ def test_other_transfer_syntaxes_are_named(write_pair, syntax):
 
 
 @pytest.mark.interop
-def test_written_objects_keep_to_the_standard(write_pair):
+def test_written_objects_keep_to_the_standard(write_pair, dicom_files, tmp_path):
     """What these tests read is what a device would write (dicom3tools)."""
     program = shutil.which("dciodvfy")
     if program is None:
         pytest.skip("dciodvfy (dicom3tools) is not installed")
-    for path in write_pair():
+    frames = dicom_files.gray_frames(3)
+    turning = {
+        "PositionerMotion": "DYNAMIC",
+        "PositionerPrimaryAngleIncrement": ["0", "5", "10"],
+        "PositionerSecondaryAngleIncrement": ["0", "1", "2"],
+    }
+    written = [
+        *write_pair(a=turning),
+        *dicom_files.write_series(tmp_path / "series")[::4],
+        dicom_files.write_both(tmp_path / "both" / "run.dcm", frames, frames, turns=True),
+    ]
+    for path in written:
         found = subprocess.run([program, path], capture_output=True, text=True)
         assert "Error" not in found.stderr + found.stdout
 

@@ -171,6 +171,10 @@ def _split(both: Plane) -> tuple[Plane, Plane, str]:
     if in_a.all():
         raise header.refuse("is one plane only", "give the other one too, or their folder")
     planes = [both.part(np.flatnonzero(chosen).tolist()) for chosen in (in_a, ~in_a)]
+    for index, plane in enumerate(planes):
+        if len(set(plane.poses)) == 1:  # what moved was the other plane coming next
+            still = tuple(note for note in plane.notes if not note.startswith("the C-arm"))
+            planes[index] = replace(plane, notes=still)
     if np.count_nonzero(np.diff(in_a.astype(int))) == 1 and not both.times.stamped:
         # One plane after the other in the file: a counted clock runs on, the planes did not.
         planes[1] = replace(planes[1], times=replace(planes[1].times, start=planes[0].times.start))

@@ -65,15 +65,24 @@ def _read_pose(header: Header, image_size: tuple[int, int]) -> tuple[Pose, list[
     notes += said
     turn, flipped, said = _turned(header)
     notes += said
-    isocenter_angles = _angle_pair(
-        header, "PositionerIsocenterPrimaryAngle", "PositionerIsocenterSecondaryAngle"
-    )
+    # Asked by its item: the table position's group has angles of the same names.
+    room = header.items("IsocenterReferenceSystemSequence")[:1]
+    isocenter_angles = None
+    if room:
+        isocenter_angles = _angle_pair(
+            room[0], "PositionerIsocenterPrimaryAngle", "PositionerIsocenterSecondaryAngle"
+        )
+        if isocenter_angles is None:
+            notes.append("the angles about the room are absent; those about the patient are used")
     table = None
     detector_turn = 0.0
     if isocenter_angles is not None:
         angles = isocenter_angles
-        detector_turn = _angle(header, "PositionerIsocenterDetectorRotationAngle", 180) or 0.0
-        table, said = _table(header, lying)
+        turned = _angle(room[0], "PositionerIsocenterDetectorRotationAngle", 180)
+        if turned is None:
+            notes.append("the detector's rotation is absent; it is taken to be 0")
+        detector_turn = turned or 0.0
+        table, said = _table(room[0], lying)
         notes += said
     else:
         patient_angles = _angle_pair(header, "PositionerPrimaryAngle", "PositionerSecondaryAngle")
