@@ -80,7 +80,7 @@ class Results:
             self._single = read_vtp(path)
             self.frames = self.with_curve = [self._single.frame]
         if not self.with_curve:
-            what = f"none of its {len(self.frames)} frames has a curve"
+            what = f"has no curve in any of its {len(self.frames)} frames"
             raise InputError(path, what, "give a run with one frame that is ok")
         self._rigs = read_rig(folder / RIG) if (folder / RIG).exists() else ()
         self.command, self.acquisition = source_acquisition(folder, self._rigs)

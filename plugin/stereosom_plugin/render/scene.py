@@ -158,13 +158,17 @@ class Stage:
     def _looking(self, rig: StereoRig | None) -> looks.Look:
         self._rig, points = rig, self._survey.points
         if rig is not None:
-            self._depths = views.picture_depths(points, rig)
-        fill = [points]
+            self._depths = views.picture_depths(points, rig, self._survey.reach)
+        fill = [self._survey.surface]
         if self._view == "best":
             look = looks.best_side(rig, points)
         elif self._view == "overview" or rig is None:
             for name, camera in self._cameras(rig):
-                fill.append(looks.picture_corners(camera, self._depth(name)))
+                depth = self._depth(name)
+                start = views.frustum_start(camera, depth, points)
+                fill.append(looks.picture_corners(camera, depth))
+                if start < 0.01 * depth:
+                    fill.append(looks.picture_corners(camera, start))
             look = looks.between_views(rig, np.vstack(fill))
         else:
             camera = getattr(rig, self._view)
@@ -231,7 +235,7 @@ class Stage:
 
     def _paint(self, colored: bool) -> dict[str, Any]:
         # Much ambient light: the colors on the tube must be those of the color bar.
-        light = {"smooth_shading": True, "ambient": 0.45, "diffuse": 0.65, "specular": 0.15}
+        light = {"smooth_shading": True, "ambient": 0.45, "diffuse": 0.65}
         return {"scalars": "colors", "rgb": True, **light} if colored else {"color": INK, **light}
 
     def _put_picture(
@@ -249,7 +253,8 @@ class Stage:
         self._put(f"border {name}", border, color=color, line_width=self._line(3))
         if self._view != "overview":
             return
-        rays = views.frustum(camera, depth, self._survey.points)
+        start = views.frustum_start(camera, depth, self._survey.points)
+        rays = views.frustum(camera, start, depth)
         self._put(f"frustum {name}", rays, color=color, line_width=self._line(1.2), opacity=0.45)
         if shape is None:
             return
@@ -326,5 +331,7 @@ def heading(line: Centerline, rig: StereoRig | None) -> tuple[str, ...]:
             f"standard deviation {np.median(spread):.2f} mm, {spread[-1]:.2f} mm at the tip"
         )
     if rig is not None:
-        lines.append(f"views {rig.convergence_deg:.0f}° apart")
+        side_by_side = rig.convergence_deg < 10  # then the distance says more than the angle
+        apart = f"{rig.baseline:.1f} mm" if side_by_side else f"{rig.convergence_deg:.0f}°"
+        lines.append(f"views {apart} apart")
     return tuple(lines)

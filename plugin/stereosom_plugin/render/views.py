@@ -17,6 +17,9 @@ from .style import Picture
 
 pv = require("pyvista", "vtk")
 
+# A source nearer than so many times the device's extent is drawn, too.
+_NEAR = 3.0
+
 
 def stretched(image: Image) -> Picture:
     """Picture as (rows, columns, 3) bytes, its 1st to 99th percentile from black to white."""
@@ -54,10 +57,14 @@ def texture(image: Image) -> Any:
     return made
 
 
-def picture_depths(points: Floats, rig: StereoRig) -> tuple[float, float]:
-    """Depths (mm) at which both pictures stand behind (n, 3) points, neither cutting the other."""
+def picture_depths(points: Floats, rig: StereoRig, reach: float = 0.0) -> tuple[float, float]:
+    """Depths (mm) at which both pictures stand behind (n, 3) points, neither cutting the other.
+
+    Behind what lies within `reach` of the points, too, mm.
+    """
     span = extent(points)
-    nearest = [float(camera.depth(points).max()) + 0.05 * span for camera in (rig.a, rig.b)]
+    behind = max(0.05 * span, 1.05 * reach)
+    nearest = [float(camera.depth(points).max()) + behind for camera in (rig.a, rig.b)]
     narrow = rig.convergence_deg < NARROW_DEG
     depth_a, depth_b = nearest
     for gap in span * np.arange(0, 20, 0.1):
@@ -71,15 +78,20 @@ def picture_depths(points: Floats, rig: StereoRig) -> tuple[float, float]:
     return depth_a, depth_b
 
 
-def frustum(camera: Camera, depth: float, points: Floats) -> Any:
-    """The pyramid of rays before a picture, as lines.
+def frustum_start(camera: Camera, depth: float, points: Floats) -> float:
+    """Depth (mm) at which the drawn pyramid of rays before a picture begins.
 
-    It ends at the source where that is near, and else, cut off squarely, before the (n, 3)
-    points: an X-ray source stands ten times as far away as the device is long.
+    At the source where that is near, and else, cut off squarely, before the (n, 3) points: an
+    X-ray source stands ten times as far away as the device is long.
     """
-    nearest = float(camera.depth(points).min()) - 0.25 * extent(points)
-    far = picture_corners(camera, depth)
-    near = picture_corners(camera, nearest if nearest > 0.5 * depth else 1e-3 * depth)
+    if depth < _NEAR * extent(points):
+        return 1e-3 * depth
+    return max(float(camera.depth(points).min()) - 0.25 * extent(points), 0.1 * depth)
+
+
+def frustum(camera: Camera, start: float, depth: float) -> Any:
+    """The pyramid of rays before a picture, between two depths (mm), as lines."""
+    far, near = picture_corners(camera, depth), picture_corners(camera, start)
     corners: npt.NDArray[np.float64] = np.vstack([far, near])
     edges = [(k, k + 4) for k in range(4)] + [(k + 4, (k + 1) % 4 + 4) for k in range(4)]
     mesh = pv.PolyData(corners)
