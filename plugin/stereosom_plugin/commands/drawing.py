@@ -154,7 +154,7 @@ def source_acquisition(folder: Path, rigs: Sequence[StereoRig]) -> tuple[str, Ac
 def _open_fluoroscopy(paths: list[Path], rigs: tuple[StereoRig, ...]) -> Acquisition:
     from ..fluoroscopy import read_biplane
 
-    return read_biplane(paths[0], paths[1])
+    return read_biplane(paths)
 
 
 def _open_masks(paths: list[Path], rigs: tuple[StereoRig, ...]) -> Acquisition:
