@@ -18,7 +18,7 @@ from .observation import Observation, View
 from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
 from .refine.contour import Contour, mask_contour
-from .refine.fit import FROM_AFAR, FROM_NEAR, TubeFit, fit_tube
+from .refine.fit import FROM_AFAR, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 
 METHOD = "joint-spline"
 
@@ -93,23 +93,27 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     seen = trim_to_shared_stretch(observation)
     if options.start is None:
         first, radius = _first_curve(seen)
-        curve, gates = first.sample(_SAMPLES), FROM_AFAR
+        curve = first.polyline(_SAMPLES)
     else:
-        curve, gates = options.start.polyline(_SAMPLES), FROM_NEAR
+        curve = options.start.polyline(_SAMPLES)
         radius = _width_radius(seen, curve)
     radius = options.prior.radius or radius
     contours = mask_contour(seen.pixels_a), mask_contour(seen.pixels_b)
     opened = _open_ends(seen, contours, curve, radius)
-    fit = fit_tube(
-        seen.rig,
-        (_edges(seen, "a", contours[0]), _edges(seen, "b", contours[1])),
-        curve,
-        radius,
-        capped=(not opened[0], not opened[1]),
-        radius_known=options.prior.radius is not None,
-        segments=options.segments,
-        gates=gates,
-    )
+    edges = _edges(seen, "a", contours[0]), _edges(seen, "b", contours[1])
+    for gates in (FROM_AFAR,) if options.start is None else (ON_TRACK, FROM_NEAR):
+        fit = fit_tube(
+            seen.rig,
+            edges,
+            curve,
+            radius,
+            capped=(not opened[0], not opened[1]),
+            radius_known=options.prior.radius is not None,
+            segments=options.segments,
+            gates=gates,
+        )
+        if fit.ends_seen:
+            break
     residuals = _check(seen, fit)
     backbone, covariance = _cut_at_borders(seen, fit, opened)
     turned, because = _base_last(backbone, opened, seen, options)

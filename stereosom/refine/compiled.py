@@ -5,7 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .reference import AGREEING, ALONG_PX, AROUND, CAP_POINTS, MARGIN, NOWHERE, SHARPEST
+from .reference import (
+    AGREEING,
+    ALONG_PX,
+    AROUND,
+    CAP_POINTS,
+    FARTHEST,
+    HARMONICS,
+    LEAST_SPREAD,
+    MARGIN,
+    NARROWEST_PX,
+    NEAR_PX,
+    NOWHERE,
+    SHARPEST,
+    SPREADS,
+    TURNED,
+    WIDEST_PX,
+)
 
 _compile = njit(cache=True, fastmath=False, nogil=True)
 
@@ -175,6 +191,116 @@ def match(picture, normals, bend, samples, points, directions, turning, reach): 
         nearest[i] = found
         residual[i] = ox * nx + oy * ny + 0.5 * bend[found] * along**2
     return nearest, residual
+
+
+@_compile
+def look(projection, center, curve, tangents, radius, capped, points, directions, gate):  # type: ignore[no-untyped-def]
+    """As `reference.look`."""
+    picture, normals, pull, turn, grow, bend = outline(
+        projection, center, curve, tangents, radius, capped
+    )
+    half_width = radius * np.median(grow[: 2 * len(curve)])
+    turning = min(max(half_width, NARROWEST_PX), WIDEST_PX)
+    reach = (gate if gate > 0 else NEAR_PX) + TURNED * turning
+    nearest, residual = match(
+        picture, normals, bend, len(curve), points, directions, turning, reach
+    )
+    spread, limit = 0.0, gate
+    if gate <= 0:
+        found = np.abs(residual[nearest >= 0])
+        if len(found):
+            spread = max(LEAST_SPREAD, 1.4826 * np.median(found))
+            limit = max(FARTHEST, SPREADS * spread)
+    count = len(picture)
+    weight, total, squares = np.zeros(count), np.zeros(count), np.zeros(count)
+    kept, weights, pulls, holds = 0, 0.0, 0.0, 0.0
+    for i in range(len(points)):
+        k, r = nearest[i], residual[i]
+        if k < 0 or not abs(r) < limit:
+            continue
+        far = (r / (2 * spread)) ** 2 if spread > 0 else 0.0
+        w = 1 / (1 + far)
+        weight[k] += w
+        total[k] += w * r
+        squares[k] += w * r**2
+        kept += 1
+        weights += w
+        pulls += (w * r) ** 2
+        holds += (1 - far) * w**2
+    noise = 0.0
+    if kept:
+        noise = pulls / kept * (weights / kept) / max(holds / kept, 0.1) ** 2
+    numbers = np.array([noise, 1 - kept / max(len(points), 1), half_width])
+    return picture, normals, pull, turn, grow, weight, total, squares, numbers
+
+
+@_compile
+def sliding(values, first, tangents):  # type: ignore[no-untyped-def]
+    """As `reference.sliding`."""
+    n, m = values.shape
+    matrix = np.zeros((3 * m, 3 * m))
+    row = np.empty(12)
+    for i in range(n):
+        for j in range(4):
+            for axis in range(3):
+                row[3 * j + axis] = values[i, first[i] + j] * tangents[i, axis]
+        at = 3 * first[i]
+        for a in range(12):
+            for b in range(12):
+                matrix[at + a, at + b] += row[a] * row[b]
+    return matrix
+
+
+@_compile
+def rounding(picture, normals, weight, samples, together):  # type: ignore[no-untyped-def]
+    """As `reference.rounding`."""
+    shared = np.zeros(len(weight))
+    sigma = together / 2.5
+    wide = int(4.0 * sigma + 0.5)
+    bell = np.exp(-0.5 * (np.arange(-wide, wide + 1) / sigma) ** 2)
+    bell /= bell.sum()
+    start = 0
+    for number in range(4):
+        n = samples if number < 2 else CAP_POINTS
+        real, imaginary = np.empty(n), np.empty(n)
+        for axis in range(2):
+            of_axis = np.zeros(n)
+            for h in range(1, HARMONICS + 1):
+                for k in range(n):
+                    before, after = max(k - 1, 0), min(k + 1, n - 1)
+                    step = picture[start + after, axis] - picture[start + before, axis]
+                    step = h * np.pi * step / (after - before)
+                    angle = 2 * np.pi * h * picture[start + k, axis]
+                    damped = np.sin(step) / step if step != 0 else 1.0
+                    real[k], imaginary[k] = np.cos(angle) * damped, np.sin(angle) * damped
+                if number < 2:
+                    for k in range(n):
+                        x, y = 0.0, 0.0
+                        for j in range(-wide, wide + 1):
+                            near = min(max(k + j, 0), n - 1)
+                            x += bell[j + wide] * real[near]
+                            y += bell[j + wide] * imaginary[near]
+                        of_axis[k] += (x**2 + y**2) / (2 * np.pi**2 * h**2)
+                else:
+                    x, y, crossed = 0.0, 0.0, 0.0
+                    for k in range(n):
+                        w = weight[start + k] * abs(normals[start + k, axis])
+                        x, y, crossed = x + w * real[k], y + w * imaginary[k], crossed + w
+                    crossed = max(crossed, 1e-9)
+                    of_axis += (x**2 + y**2) / crossed**2 / (2 * np.pi**2 * h**2)
+            for k in range(n):
+                shared[start + k] = max(shared[start + k], of_axis[k])
+        for k in range(n):
+            # As `uniform_filter1d` does: of an even number, one more before than after.
+            first, last = k - together // 2, k + (together - 1) // 2
+            if number >= 2:
+                first, last = 0, n - 1
+            count = 0.0
+            for j in range(first, last + 1):
+                count += weight[start + min(max(j, 0), n - 1)]
+            shared[start + k] *= count
+        start += n
+    return shared
 
 
 @_compile

@@ -26,6 +26,7 @@ from .uncertainty import control_covariance, noise_variance
 # then the spread of the residuals decides.
 FROM_AFAR = (40.0, 20.0, 12.0, 8.0, 4.0)
 FROM_NEAR = (12.0, 8.0, 4.0)
+ON_TRACK = (8.0,)
 # At this gate the ends are placed anew, and at this one it is settled which view shows them.
 _PLACING, _SETTLING = 12.0, 8.0
 # Views that put an end farther apart than this, px, do not show the same.
@@ -35,7 +36,7 @@ _TURNING = 5.0
 # A step may slide along the curve only this weakly; a share of how strongly it is held across.
 _SLIDING = 0.01
 # Steps smaller than this are no steps, px.
-_SETTLED_PX = 0.01
+_SETTLED_PX = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +52,25 @@ class TubeFit:
         Of the m control points of the backbone, coordinates of each together, mm².
     looks : pair of Look
         What the views show of it.
+    capped : (bool, bool)
+        Whether the base and the tip are ends of the device.
     """
 
     backbone: Backbone
     radius: float
     covariance: Floats
     looks: tuple[Look, Look]
+    capped: tuple[bool, bool]
     basis: SplineBasis
+
+    @property
+    def ends_seen(self) -> bool:
+        """Whether both views show every flat end where it is."""
+        return all(
+            seen or not capped
+            for look in self.looks
+            for seen, capped in zip(look.cap_seen, self.capped, strict=True)
+        )
 
     def covariance_along(self) -> tuple[Floats, Floats, Floats]:
         """Arc lengths (n,), mm, unit tangents (n, 3) and covariance (n, 3, 3), mm², along it."""
@@ -131,20 +144,20 @@ def fit_tube(
             shown = _ends_shown(rig, tube, looks)
             looks = _looks(rig, contours, tube, gate, shown)
         step = _Step(basis, control, tube, looks, caps_turn=gate is None or gate <= _TURNING)
-        stiffness = step.evidence(stiffness)
+        if number <= len(gates):
+            stiffness = step.evidence(stiffness)
         moved, grown = step.solve(stiffness, radius_known)
         if not np.isfinite(moved).all() or np.abs(moved).max() > 1e4:
             raise HardFrame("the fit left the device")
         control, radius = control + moved, max(radius + grown, 1e-3)
         if gate is None and step.across(moved) < settled_mm:
             break
-    tube = Tube.of(basis, control, radius, capped)
-    looks = _looks(rig, contours, tube, None, shown)
     return TubeFit(
         basis.backbone(control),
         radius,
         control_covariance(basis, tube, looks, radius_known),
         looks,
+        capped,
         basis,
     )
 
@@ -227,9 +240,7 @@ class _Step:
         """Shift of the control points (m, 3) and of the radius, mm."""
         held, side = self._held(stiffness), self.side.copy()
         side[:-1] -= stiffness * (self.basis.roughness @ self.control).ravel()
-        tangents = self.tube.tangents
-        slide = (self.basis.values[:, :, None] * tangents[:, None, :]).reshape(len(tangents), -1)
-        sliding = slide.T @ slide
+        sliding = kernels().sliding(self.basis.values, self.basis.first, self.tube.tangents)
         share = _SLIDING * np.trace(self.matrix[:-1, :-1]) / np.trace(sliding)
         held[:-1, :-1] += share * sliding
         if radius_known:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -15,9 +16,6 @@ from .kernels import kernels
 from .reference import owners, pieces
 from .spline import SplineBasis
 
-# A mask's edge cannot be told better than this, px, nor is more than this far off a part of it,
-# in spreads and in px.
-_LEAST_SPREAD, _SPREADS, _FARTHEST = 0.5, 4.0, 2.0
 # A rim is seen where edges lie no farther off than this, px and as a share of the half width.
 _RIM_PX, _RIM_SHARE = 2.0, 0.3
 # A flat end is seen where it has so many edges, as a share of its width.
@@ -40,12 +38,12 @@ class Tube:
         """Around the spline of control points (m, 3)."""
         return cls(basis.values @ control, basis.slopes @ control, radius, capped)
 
-    @property
+    @cached_property
     def speed(self) -> Floats:
         """Length of the derivative at the samples, mm."""
         return np.maximum(np.sqrt(np.einsum("ni,ni->n", self.velocity, self.velocity)), 1e-9)
 
-    @property
+    @cached_property
     def tangents(self) -> Floats:
         """Unit vectors (n, 3)."""
         return self.velocity / self.speed[:, None]
@@ -112,54 +110,19 @@ class Look:
         """
         if camera.depth(tube.curve).min() <= 2 * tube.radius:
             raise HardFrame("the fit runs behind a camera")
-        picture, normals, pull, turn, grow, bend = kernels().outline(
+        *arrays, numbers = kernels().look(
             camera.projection,
             camera.center,
             tube.curve,
             tube.tangents,
             tube.radius,
             np.array(shown or tube.capped),
-        )
-        half_width = tube.radius * float(np.median(grow[: 2 * len(tube.curve)]))
-        turning = min(max(half_width, 2.0), 40.0)
-        reach = (gate or 8.0) + turning
-        nearest, residual = kernels().match(
-            picture,
-            normals,
-            bend,
-            len(tube.curve),
             contour.points,
             contour.directions,
-            turning,
-            reach,
+            float(gate or 0.0),
         )
-        kept = nearest >= 0
-        spread = 0.0
-        if gate is not None:
-            kept &= np.abs(residual) < gate
-        elif kept.any():
-            spread = max(_LEAST_SPREAD, 1.4826 * float(np.median(np.abs(residual[kept]))))
-            kept &= np.abs(residual) < max(_FARTHEST, _SPREADS * spread)
-        nearest, residual = nearest[kept], residual[kept]
-        weight, holding = np.ones(len(residual)), np.ones(len(residual))
-        if gate is None:
-            far = (residual / (2 * max(spread, _LEAST_SPREAD))) ** 2
-            weight = 1 / (1 + far)
-            holding = (1 - far) * weight**2
-        k = len(picture)
-        return cls(
-            picture,
-            normals,
-            pull,
-            turn,
-            grow,
-            weight=np.bincount(nearest, weight, k),
-            total=np.bincount(nearest, weight * residual, k),
-            squares=np.bincount(nearest, weight * residual**2, k),
-            noise=_noise(residual, weight, holding),
-            stray=1 - len(residual) / max(len(contour), 1),
-            half_width=half_width,
-        )
+        noise, stray, half_width = (float(number) for number in numbers)
+        return cls(*arrays, noise=noise, stray=stray, half_width=half_width)
 
     @property
     def samples(self) -> int:
@@ -202,18 +165,6 @@ class Look:
         both = (self.weight[left] > 0) & (self.weight[right] > 0)
         mean = self.total / np.maximum(self.weight, 1e-12)
         return np.asarray((mean[left] - mean[right])[both] / 2)
-
-
-def _noise(residual: Floats, weight: Floats, holding: Floats) -> float:
-    """Variance of a weighted estimate times the sum of weights, px².
-
-    P. J. Huber, "Robust Statistics", 1981, section 7.6: E ψ² / (E ψ')², where ψ is the weighted
-    residual and `holding` its derivative.
-    """
-    if len(residual) == 0:
-        return 0.0
-    pulls = float(np.mean((weight * residual) ** 2))
-    return pulls * float(weight.mean()) / max(float(holding.mean()), 0.1) ** 2
 
 
 _CAP = len(owners(1)) // 2 - 1

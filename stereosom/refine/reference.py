@@ -8,6 +8,7 @@ and as many around the tip's.
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.spatial import cKDTree
 
 from ..arrays import Booleans, Floats, Integers
@@ -21,6 +22,15 @@ AGREEING = 0.5
 ALONG_PX = 3.0
 # No outline bends more than this, 1/px; where its points coincide its curvature is not known.
 SHARPEST = 0.5
+# A direction that is off counts as a distance by the device's half width, within these, px.
+NARROWEST_PX, WIDEST_PX = 2.0, 40.0
+# An edge and its place may differ in direction like so many half widths in place.
+TURNED = 0.75
+# Without a gate, edges are looked for this near, px; an edge cannot be told better than to
+# LEAST_SPREAD, and is no part that is farther off than this, in spreads and in px.
+NEAR_PX, LEAST_SPREAD, SPREADS, FARTHEST = 5.0, 0.5, 4.0, 2.0
+# Of the rounding to pixels: higher ones are small.
+HARMONICS = 3
 # The outward direction of a mask's edge is read off the pixels around it, within this distance.
 _AROUND_PX = 3
 MARGIN = _AROUND_PX + 2
@@ -222,6 +232,131 @@ def match(
     agrees &= np.abs(along) < _spacing(picture, samples)[nearest] + ALONG_PX
     nearest[~agrees] = -1
     return nearest, np.where(nearest >= 0, outside, 0.0)
+
+
+def look(
+    projection: Floats,
+    center: Floats,
+    curve: Floats,
+    tangents: Floats,
+    radius: float,
+    capped: Booleans,
+    points: Floats,
+    directions: Floats,
+    gate: float,
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
+    """Outline of a tube, and the sums over the edges that belong to each of its points.
+
+    Parameters
+    ----------
+    projection, center, curve, tangents, radius, capped
+        As of `outline`.
+    points, directions
+        As of `match`.
+    gate : float
+        As of `Look.at`; zero for none.
+
+    Returns
+    -------
+    picture, normals, pull, turn, grow, weight, total, squares : arrays
+        As in `Look`.
+    (3,) array
+        Noise, share of stray edges and half width, as in `Look`.
+    """
+    picture, normals, pull, turn, grow, bend = outline(
+        projection, center, curve, tangents, radius, capped
+    )
+    half_width = radius * float(np.median(grow[: 2 * len(curve)]))
+    turning = min(max(half_width, NARROWEST_PX), WIDEST_PX)
+    reach = (gate if gate > 0 else NEAR_PX) + TURNED * turning
+    nearest, residual = match(
+        picture, normals, bend, len(curve), points, directions, turning, reach
+    )
+    found = nearest >= 0
+    nearest, residual = nearest[found], residual[found]
+    spread, limit = 0.0, gate
+    if gate <= 0 and len(residual):
+        spread = max(LEAST_SPREAD, 1.4826 * float(np.median(np.abs(residual))))
+        limit = max(FARTHEST, SPREADS * spread)
+    kept = np.abs(residual) < limit
+    nearest, residual = nearest[kept], residual[kept]
+    far = (residual / (2 * spread)) ** 2 if spread > 0 else np.zeros(len(residual))
+    weight = 1 / (1 + far)
+    # P. J. Huber, "Robust Statistics", 1981, section 7.6: E ψ² / (E ψ')², where ψ is the
+    # weighted residual; times the mean weight, because it is divided by their sum.
+    noise = 0.0
+    if len(residual):
+        holding = max(float(np.mean((1 - far) * weight**2)), 0.1)
+        noise = float(np.mean((weight * residual) ** 2)) * float(weight.mean()) / holding**2
+    k = len(picture)
+    return (
+        picture, normals, pull, turn, grow,
+        np.bincount(nearest, weight, k),
+        np.bincount(nearest, weight * residual, k),
+        np.bincount(nearest, weight * residual**2, k),
+        np.array([noise, 1 - len(residual) / max(len(points), 1), half_width]),
+    )  # fmt: skip
+
+
+def sliding(values: Floats, first: Integers, tangents: Floats) -> Floats:
+    """Normal matrix (3m, 3m) of shifts of the samples along the curve.
+
+    Parameters
+    ----------
+    values, first
+        As of `SplineBasis`.
+    tangents : (n, 3) array
+    """
+    rows = (values[:, :, None] * tangents[:, None, :]).reshape(len(tangents), -1)
+    return np.asarray(rows.T @ rows)
+
+
+def rounding(
+    picture: Floats, normals: Floats, weight: Floats, samples: int, together: int
+) -> Floats:
+    """Variance that an edge shares with its neighbors, times their number, at each point, px².
+
+    Pixels tell an edge that runs along them no better than to one of them, however many they
+    are: the rounding is the same for all. It is a sawtooth of the edge's place x, in px; over
+    all places of the grid, its mean over a stretch has the variance Σ |⟨exp 2πihx⟩|² / 2π²h²
+    (its Fourier series): 1/12 where x stays, nothing where it runs through whole pixels.
+
+    Parameters
+    ----------
+    picture, normals, weight
+        As in `Look`.
+    samples : int
+        Of the curve.
+    together : int
+        So many neighboring points are told apart by nothing.
+
+    Returns
+    -------
+    (k,) array
+    """
+    shared = np.zeros(len(weight))
+    for number, piece in enumerate(pieces(samples)):
+        place, edges = picture[piece], weight[piece]
+        step = np.gradient(place, axis=0)
+        variance = np.zeros(len(place))
+        for axis in (0, 1):
+            of_axis = np.zeros(len(place))
+            for h in range(1, HARMONICS + 1):
+                # Between two points of the outline it runs on.
+                phase = np.exp(2j * np.pi * h * place[:, axis]) * np.sinc(h * step[:, axis])
+                if number < 2:
+                    mean = gaussian_filter1d(phase, together / 2.5, mode="nearest")
+                else:
+                    crossed = edges * np.abs(normals[piece, axis])
+                    mean = np.sum(crossed * phase) / max(float(crossed.sum()), 1e-9)
+                of_axis += np.abs(mean) ** 2 / (2 * np.pi**2 * h**2)
+            variance = np.maximum(variance, of_axis)
+        if number < 2:
+            count = uniform_filter1d(edges, together, mode="nearest") * together
+        else:
+            count = np.full(len(edges), float(edges.sum()))
+        shared[piece] = variance * count
+    return shared
 
 
 def assemble(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from ..arrays import Floats
 from .kernels import kernels
@@ -33,7 +32,10 @@ def control_covariance(
     for look in looks:
         # Where an edge runs aslant, one pixel of it is crossed by a row and by a column at once.
         crossings = np.abs(look.normals).sum(axis=1)
-        weight = look.weight / crossings * noise / (noise + _shared(look))
+        shared = kernels().rounding(
+            look.picture, look.normals, look.weight, look.samples, look.samples // _PIECES
+        )
+        weight = look.weight / crossings * noise / (noise + shared)
         added, _ = kernels().assemble(
             basis.values, basis.slopes, basis.first, tube.speed,
             look.pull, look.turn, look.grow, weight, 0.0 * weight,
@@ -76,38 +78,3 @@ def _likeness(look: Look) -> float:
     if single < 4:
         return 1.0
     return max(1.0, sums / single / max(variance, 1e-12))
-
-
-def _shared(look: Look) -> Floats:
-    """Variance that an edge shares with its neighbors, times their number, at each point, px².
-
-    Pixels tell an edge that runs along them no better than to one of them, however many they
-    are: the rounding is the same for all. It is a sawtooth of the edge's place x, in px; over
-    all places of the grid, its mean over a stretch has the variance Σ |⟨exp 2πihx⟩|² / 2π²h²
-    (its Fourier series): 1/12 where x stays, nothing where it runs through whole pixels.
-    """
-    shared = np.zeros(len(look.weight))
-    together = look.samples // _PIECES
-    for number, piece in enumerate(pieces(look.samples)):
-        place, weight = look.picture[piece], look.weight[piece]
-        step = np.gradient(place, axis=0)
-        variance = np.zeros(len(place))
-        for axis in (0, 1):
-            rounding = np.zeros(len(place))
-            for h in (1, 2, 3):
-                # Between two points of the outline it runs on.
-                phase = np.exp(2j * np.pi * h * place[:, axis]) * np.sinc(h * step[:, axis])
-                if number < 2:
-                    mean = gaussian_filter1d(phase.real, together / 2.5, mode="nearest")
-                    mean = mean + 1j * gaussian_filter1d(phase.imag, together / 2.5, mode="nearest")
-                else:
-                    crossed = weight * np.abs(look.normals[piece, axis])
-                    mean = np.sum(crossed * phase) / max(float(crossed.sum()), 1e-9)
-                rounding += np.abs(mean) ** 2 / (2 * np.pi**2 * h**2)
-            variance = np.maximum(variance, rounding)
-        if number < 2:
-            count = uniform_filter1d(weight, together, mode="nearest") * together
-        else:
-            count = np.full(len(weight), float(weight.sum()))
-        shared[piece] = variance * count
-    return shared

@@ -20,7 +20,15 @@ from ..reconstruction import HardFrame
 from .correction import IN_DEGREES, PARAMETERS, RigUncertainty, corrected, deviations, isocenter
 from .places import all_places, epipolar_distance, sampson, seen_frames
 
-__all__ = ["Change", "RigRefinement", "RigUncertainty", "epipolar_error", "refine_rig"]
+__all__ = [
+    "Agreement",
+    "Change",
+    "RigRefinement",
+    "RigUncertainty",
+    "agreement",
+    "isocenter",
+    "refine_rig",
+]
 
 # Fewer places than parameters that they can tell, and the answer would be mostly the prior's.
 LEAST_PLACES = 8
@@ -154,8 +162,28 @@ def refine_rig(
     return RigRefinement(now[0], changes, before, after, len(places.frame), pivot)
 
 
-def epipolar_error(observations: Iterable[Observation]) -> tuple[float, int]:
-    """Median epipolar distance, px, of the places that both views name, and their number.
+@dataclass(frozen=True)
+class Agreement:
+    """How well two views agree about a device.
+
+    Parameters
+    ----------
+    epipolar_error : float
+        Median distance of the places from the epipolar lines of their partners, px; not a
+        number where there is none.
+    places : int
+        How many there are.
+    width : float
+        Median width of the device, px; not a number where it was not seen.
+    """
+
+    epipolar_error: float
+    places: int
+    width: float
+
+
+def agreement(observations: Iterable[Observation]) -> Agreement:
+    """Measure how well two views agree about the device that both see.
 
     Parameters
     ----------
@@ -163,10 +191,11 @@ def epipolar_error(observations: Iterable[Observation]) -> tuple[float, int]:
 
     Returns
     -------
-    float, int
-        Not a number where there is none.
+    Agreement
     """
     frames = seen_frames(observations)
     rigs = [rig for rig, _, _ in frames]
     places = all_places(rigs, frames)
-    return epipolar_distance(rigs, places), len(places.frame)
+    widths = [line.width for _, a, b in frames for line in (a, b)]
+    width = float(np.median(widths)) if widths else float("nan")
+    return Agreement(epipolar_distance(rigs, places), len(places.frame), width)
