@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     if film:
         fps = arguments.fps or _fps(results, arguments.turntable)
         count = render.write_film(pictures, output, fps)
-        say(arguments, f"{output}: {count} pictures, {fps:g} a second")
+        say(arguments, f"{output}: {count} pictures, {fps:.4g} a second")
     else:
         render.write_picture(next(pictures), output)
         say(arguments, str(output))

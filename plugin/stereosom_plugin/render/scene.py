@@ -220,8 +220,9 @@ class Stage:
         self._put("device", self._colored(shape, colored), **self._paint(colored))
         around = envelope(shape)
         if around is not None:
-            self._put("envelope", around, color=ENVELOPE, opacity=0.3, culling="back",
-                      scalars=None, smooth_shading=True)  # fmt: skip
+            # Its far side only: a halo, which leaves the device the colors of the color bar.
+            self._put("envelope", around, color=ENVELOPE, opacity=0.35, culling="front",
+                      scalars=None, lighting=False)  # fmt: skip
         for end, name in ((0, "base"), (-1, "tip")):
             ball = pv.Sphere(radius=_BALL * shape.radius[end], center=shape.points[end])
             self._put(name, ball, color=INK if end else "white", specular=0.3, smooth_shading=True)
@@ -303,7 +304,7 @@ class Stage:
     def _legend(self, shot: Shot, shape: Shape | None) -> list[tuple[str, str, float]]:
         legend = []
         if shape is not None and shape.spread is not None:
-            legend.append(("within 2 standard deviations", ENVELOPE, 0.3))
+            legend.append(("within 2 standard deviations", ENVELOPE, 0.35))
         if shape is not None and not shape.determined.all() and self._survey.color_by:
             legend.append(("not determined by the views", UNDETERMINED, 1.0))
         if shot.ghosts and self._survey.color_by != "Time":
