@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -66,9 +68,9 @@ class Header:
     Parameters
     ----------
     path : Path
-    layers : tuple of pydicom.Dataset
-        Where an element is looked for, in this order. The last one is everything before the
-        pixels that `KEYWORDS` lists; before it stand the functional groups of a frame.
+    places : dict of int to pydicom.Dataset
+        In which dataset the element of each tag lies: in everything before the pixels that
+        `KEYWORDS` lists, or in the functional groups of a frame.
     transfer_syntax : str
         Its UID.
     pixel_position : int
@@ -76,7 +78,7 @@ class Header:
     """
 
     path: Path
-    layers: tuple[Any, ...]
+    places: Mapping[int, Any]
     transfer_syntax: str
     pixel_position: int
 
@@ -89,11 +91,10 @@ class Header:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # odd values are judged here, not by pydicom
-                layer = next((layer for layer in self.layers if keyword in layer), None)
-                value = None
-                if layer is not None:
-                    self._check_items(layer, keyword)
-                    value = layer.get(keyword)
+                tag, value = _tag(keyword), None
+                if (place := self.places.get(tag)) is not None:
+                    self._check_items(place, keyword)
+                    value = place[tag].value
         except InputError:
             raise
         except Exception:  # pydicom raises many kinds on malformed values
@@ -139,7 +140,7 @@ class Header:
             return ()
         if not isinstance(value, pydicom.Sequence):
             raise self._malformed(keyword)
-        return tuple(replace(self, layers=(item,)) for item in value)
+        return tuple(replace(self, places=_places(item)) for item in value)
 
     def frames(self, count: int) -> tuple[Header, ...]:
         """The header as it holds for each frame: its functional groups, the shared ones, the rest.
@@ -158,25 +159,29 @@ class Header:
                 f"for {count} frames",
                 "export the object again",
             )
-        common = (*(shared[0]._group_items() if shared else ()), *self.layers)
+        common = {**self.places, **(shared[0]._group_places() if shared else {})}
         if not per_frame:
-            return (replace(self, layers=common),) * count
-        return tuple(replace(self, layers=(*group._group_items(), *common)) for group in per_frame)
+            return (replace(self, places=common),) * count
+        return tuple(
+            replace(self, places={**common, **group._group_places()}) for group in per_frame
+        )
 
-    def _group_items(self) -> tuple[Any, ...]:
-        """First items of the sequences in a functional groups item, and the item itself."""
+    def _group_places(self) -> dict[int, Any]:
+        """Elements of the first items of the sequences in a functional groups item, and these."""
+        places = dict(self.places)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                sequences = [element.value for element in self.layers[0] if element.VR == "SQ"]
-            firsts = tuple(sequence[0] for sequence in sequences if len(sequence) > 0)
-            return (*firsts, self.layers[0])
+                for tag, item in self.places.items():
+                    if item[tag].VR == "SQ" and len(item[tag].value) > 0:
+                        places |= _places(item[tag].value[0])
         except Exception:  # pydicom raises many kinds on malformed values
             raise self._malformed("PerFrameFunctionalGroupsSequence") from None
+        return places
 
-    def _check_items(self, layer: Any, keyword: str) -> None:
+    def _check_items(self, place: Any, keyword: str) -> None:
         """Refuse a sequence of too many items before it is parsed."""
-        raw = getattr(layer.get_item(keyword), "value", None)
+        raw = getattr(place.get_item(_tag(keyword)), "value", None)
         if isinstance(raw, bytes) and raw.count(ITEM_MARK) > MOST_ITEMS:
             raise self.refuse(
                 f"{label(keyword)} holds more than {MOST_ITEMS} items", "export a shorter run"
@@ -254,7 +259,7 @@ def read_header(path: Path) -> Header:
         raise InputError(path, "is not a readable DICOM file", "give two XA objects") from None
     if not syntax:
         raise InputError(path, "is not a readable DICOM file", "give two XA objects")
-    return Header(path, (dataset,), syntax, position)
+    return Header(path, _places(dataset), syntax, position)
 
 
 class _TooLarge(Exception):
@@ -274,6 +279,15 @@ class _Bounded:
             raise _TooLarge
         self.left -= size
         return self.file.read(size)
+
+
+@cache
+def _tag(keyword: str) -> Any:
+    return pydicom.tag.Tag(pydicom.datadict.tag_for_keyword(keyword))
+
+
+def _places(dataset: Any) -> dict[int, Any]:
+    return dict.fromkeys(dataset.keys(), dataset)
 
 
 def _listed(value: Any) -> bool:

@@ -124,12 +124,15 @@ def read_plane(headers: tuple[Header, ...], *, dsa: bool = False) -> Plane:
     """
     stores = tuple(open_pixels(header) for header in headers)
     rows, columns = stores[0].shape
+    frames: list[Header] = []
     poses: list[Pose] = []
     notes: dict[str, None] = {}
     for header, store in zip(headers, stores, strict=True):
         if store.shape != stores[0].shape or store.bits != stores[0].bits:
             raise header.refuse("has other pictures than its series", "give files of one run")
-        read, said = read_poses(header, (columns, rows), len(store))
+        of_file = header.frames(len(store))
+        read, said = read_poses(of_file, (columns, rows))
+        frames += of_file
         poses += read
         notes |= dict.fromkeys(said)
     if len(headers) > 1:
@@ -137,12 +140,11 @@ def read_plane(headers: tuple[Header, ...], *, dsa: bool = False) -> Plane:
         if len(set(poses)) > 1:
             said.append("the C-arm or the table moves: every frame has its own geometry")
     else:
-        times, said = read_times(headers[0], len(stores[0]))
+        times, said = read_times(frames)
     notes |= dict.fromkeys(said)
-    frames = headers[0].frames(len(stores[0]))
     light, said = read_light(frames[0], stores[0].bits[1], stores[0].signed)
     notes |= dict.fromkeys(said)
-    shutter, said = _common_shutter(headers if len(headers) > 1 else frames, poses[0])
+    shutter, said = _common_shutter(frames, poses[0])
     notes |= dict.fromkeys(said)
     subtractions: tuple[Subtraction, ...] = ()
     if dsa:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,9 +29,9 @@ AGREEING_DEG = 2.0
 
 
 def read_poses(
-    header: Header, image_size: tuple[int, int], frames: int
+    frames: Sequence[Header], image_size: tuple[int, int]
 ) -> tuple[tuple[Pose, ...], list[str]]:
-    """Read where a plane stood in each frame.
+    """Read where a plane stood in each frame of a file, from the header as it holds for each.
 
     Returns
     -------
@@ -47,13 +48,13 @@ def read_poses(
     notes: dict[str, None] = {}
     read: dict[int, Pose] = {}
     poses = []
-    for frame in header.frames(frames):
+    for frame in frames:
         if id(frame) not in read:
             read[id(frame)], said = _read_pose(frame, image_size)
             notes |= dict.fromkeys(said)
         poses.append(read[id(frame)])
-    moved, said = _moved(header, poses)
-    _check_orientation(header.frames(frames)[0], moved[0])
+    moved, said = _moved(frames[0], poses)
+    _check_orientation(frames[0], moved[0])
     return moved, [*notes, *said]
 
 

@@ -59,16 +59,17 @@ class FrameTimes:
         return FrameTimes(seconds - seconds[0], start, self.stamped)
 
 
-def read_times(header: Header, frames: int) -> tuple[FrameTimes, list[str]]:
-    """Times of the frames of one file, and what was assumed about them.
+def read_times(headers: Sequence[Header]) -> tuple[FrameTimes, list[str]]:
+    """Times of the frames of one file, from the header as it holds for each; and what was assumed.
 
     Raises
     ------
     InputError
         Where several frames come without any time or rate.
     """
+    header, frames = headers[0], len(headers)
     start = _start(header)
-    if (times := _frame_moments(header, frames)) is not None:
+    if (times := _frame_moments(headers)) is not None:
         return times, []
     if frames == 1:
         return FrameTimes(np.zeros(1), start), []
@@ -206,15 +207,15 @@ def _rate(header: Header) -> tuple[float, str] | None:
     return None
 
 
-def _frame_moments(header: Header, frames: int) -> FrameTimes | None:
+def _frame_moments(headers: Sequence[Header]) -> FrameTimes | None:
     """The clock in the functional groups of an enhanced object; None where it has none."""
     for keyword in ("FrameReferenceDateTime", "FrameAcquisitionDateTime"):
-        moments = [_moment(frame.text(keyword)) for frame in header.frames(frames)]
+        moments = [_moment(header.text(keyword)) for header in headers]
         first = moments[0]
         if first is None or None in moments:
             continue
         seconds = np.array([first.until(moment) for moment in moments if moment is not None])
-        if np.ptp(seconds) > 0 or frames == 1:
+        if np.ptp(seconds) > 0 or len(headers) == 1:
             return FrameTimes(seconds, first, stamped=True)
     return None
 
