@@ -58,7 +58,7 @@ class Backbone:
             raise ValueError("backbone: the knots must not decrease and must span something")
         object.__setattr__(self, "coefficients", coefficients)
         object.__setattr__(self, "knots", knots)
-        if not self.length > 0:
+        if np.all(coefficients == coefficients[0]):
             raise ValueError("backbone: the curve has no length")
 
     # ---- ways to make one ------------------------------------------------------------

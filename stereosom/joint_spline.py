@@ -10,14 +10,14 @@ from scipy.spatial import cKDTree
 from .arrays import Booleans, Floats
 from .assessment import MOST_STRAY, MOST_UNSEEN
 from .backbone import Backbone
-from .camera import Camera
+from .camera import Camera, StereoRig
 from .ends import trim_to_shared_stretch
 from .matching import space_curve
 from .middle_line import middle_line
 from .observation import Observation, View
 from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
-from .refine.contour import Contour, mask_contour
+from .refine.contour import mask_contour
 from .refine.fit import FROM_AFAR, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 
 METHOD = "joint-spline"
@@ -25,10 +25,9 @@ METHOD = "joint-spline"
 _SAMPLES = 200
 # Pixels of a mask this near to the border of the view are cut off there, and show no edge, px.
 _CUT_OFF = 2.5
-# Pixels at the border of their view: no other fits between.
-_AT_BORDER = 1.5
 # So many pixels, evenly drawn, tell how much lies beside the device.
 _DRAWN = 600
+_LITTLE_STRAY = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +98,13 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
         radius = _width_radius(seen, curve)
     radius = options.prior.radius or radius
     contours = mask_contour(seen.pixels_a), mask_contour(seen.pixels_b)
-    opened = _open_ends(seen, contours, curve, radius)
-    edges = _edges(seen, "a", contours[0]), _edges(seen, "b", contours[1])
+    cut_off = (
+        seen.at_border("a", contours[0].points, _CUT_OFF),
+        seen.at_border("b", contours[1].points, _CUT_OFF),
+    )
+    edges = contours[0].where(~cut_off[0]), contours[1].where(~cut_off[1])
+    at_border = contours[0].points[cut_off[0]], contours[1].points[cut_off[1]]
+    opened = _open_ends(seen.rig, at_border, curve, radius)
     for gates in (FROM_AFAR,) if options.start is None else (ON_TRACK, FROM_NEAR):
         fit = fit_tube(
             seen.rig,
@@ -157,12 +161,6 @@ def _width_radius(seen: Observation, curve: Floats) -> float:
     return float(min(radii))
 
 
-def _edges(seen: Observation, view: View, contour: Contour) -> Contour:
-    """Contour of a mask, without where the border of the view cuts it off."""
-    cut_off = seen.at_border(view, contour.points, _CUT_OFF)
-    return contour.where(~cut_off) if cut_off.any() else contour
-
-
 def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
     """RMS offset of the middle of the device from the curve in either view, px.
 
@@ -184,9 +182,11 @@ def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
                 f"view {view}: the pixels fall into separate pieces ({unseen:.0%} of the curve "
                 "that joins them is not seen)"
             )
-        drawn = pixels[:: len(pixels) // _DRAWN + 1]
-        distance, _ = cKDTree(camera.project(samples)).query(drawn)
-        stray = float(np.mean(distance > 1.5 * look.half_width + 5))
+        stray = look.stray
+        if stray > _LITTLE_STRAY:  # of the edges; specks have more of them than pixels
+            drawn = pixels[:: len(pixels) // _DRAWN + 1]
+            distance, _ = cKDTree(camera.project(samples)).query(drawn)
+            stray = float(np.mean(distance > 1.5 * look.half_width + 5))
         if stray > MOST_STRAY:
             raise HardFrame(
                 f"view {view}: {stray:.0%} of the pixels belong to no part of the curve that was "
@@ -198,19 +198,17 @@ def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
 
 
 def _open_ends(
-    seen: Observation, contours: tuple[Contour, Contour], curve: Floats, radius: float
+    rig: StereoRig, at_border: tuple[Floats, Floats], curve: Floats, radius: float
 ) -> tuple[bool, bool]:
     """Whether the device goes on at the base and at the tip, beyond the border of a view."""
     ends = curve[[0, -1]]
     opened = np.zeros(2, dtype=bool)
-    views: tuple[tuple[View, Camera], ...] = (("a", seen.rig.a), ("b", seen.rig.b))
-    for (view, camera), contour in zip(views, contours, strict=True):
-        at_border = contour.points[seen.at_border(view, contour.points, _AT_BORDER)]
-        if len(at_border):
+    for camera, pixels in zip((rig.a, rig.b), at_border, strict=True):
+        if len(pixels):
             # A middle line ends half a width before the device does.
             width = 2 * radius / camera.pixel_size(ends)
             for end, place in enumerate(camera.project(ends)):
-                near = float(np.linalg.norm(at_border - place, axis=1).min())
+                near = float(np.linalg.norm(pixels - place, axis=1).min())
                 opened[end] |= near < 1.5 * width[end] + 3
     return bool(opened[0]), bool(opened[1])
 

@@ -127,19 +127,16 @@ class Observation:
             # A field is convex: what lies between pixels is as far from the border as they are.
             x, y = pixels[:, 0], pixels[:, 1]
             left, top, right, bottom = x.min(), y.min(), x.max(), y.max()
-            corners = [[left, top], [right, top], [right, bottom], [left, bottom]]
-            if self._inside(view, corners) and self.distance_to_border(view, corners).min() > within:
+            box = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+            assert self.field_of_view is not None
+            corners = self.field_of_view[0 if view == "a" else 1]
+            sides = np.roll(corners, -1, axis=0) - corners
+            offset = box[:, None] - corners
+            inward = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
+            inward /= np.maximum(np.sqrt(np.sum(sides**2, axis=1)), 1e-12)
+            if max(inward.min(), -inward.max()) > within:
                 return np.zeros(len(pixels), dtype=bool)
         return np.asarray(self.distance_to_border(view, pixels) <= within)
-
-    def _inside(self, view: View, pixels: Any) -> bool:
-        """Whether all of (n, 2) pixels lie in a view's field."""
-        assert self.field_of_view is not None
-        corners = self.field_of_view[0 if view == "a" else 1]
-        sides = np.roll(corners, -1, axis=0) - corners
-        offset = np.asarray(pixels, dtype=float)[:, None] - corners
-        turn = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
-        return bool(np.all(turn >= 0) or np.all(turn <= 0))
 
 
 def picture_border(camera: Camera) -> Floats:

@@ -26,31 +26,69 @@ def rays(side):
     return np.column_stack([flat, np.ones(len(flat))])
 
 
-def picture(seen, turn, moved):
-    """A board of 9×6 inner corners (10×7 fields) on the plane z = 0 of the board's axes."""
+def chessboard(u, v):
+    """9×6 inner corners: 10×7 fields."""
+    return ((np.floor(u) + np.floor(v)) % 2 == 0) & (u >= -1) & (u < 9) & (v >= -1) & (v < 6)
+
+
+def circles(u, v):
+    """9×6 discs in rows and columns."""
+    column, row = np.clip(np.rint(u), 0, 8), np.clip(np.rint(v), 0, 5)
+    return np.hypot(u - column, v - row) < 0.28
+
+
+def asymmetric_circles(u, v):
+    """Rows of 4 discs two fields apart, every other row moved by one; 9 rows."""
+    row = np.clip(np.rint(v), 0, 8)
+    column = np.clip(np.rint((u - row % 2) / 2), 0, 3) * 2 + row % 2
+    return np.hypot(u - column, v - row) < 0.35
+
+
+def picture(seen, turn, moved, pattern=chessboard):
+    """A board on the plane z = 0 of its own axes, dark on light."""
     plane = np.linalg.inv(np.column_stack([turn[:, 0], turn[:, 1], moved]))
     at = seen @ plane.T
-    u, v = (at[:, :2] / at[:, 2:]).T / SQUARE
-    dark = ((np.floor(u) + np.floor(v)) % 2 == 0) & (u >= -1) & (u < 9) & (v >= -1) & (v < 6)
+    dark = pattern(*(at[:, :2] / at[:, 2:]).T / SQUARE)
     fine = np.where(dark, 30.0, 220.0).reshape(SIZE[1], FINER, SIZE[0], FINER)
     return Image.fromarray(fine.mean(axis=(1, 3)).round().astype(np.uint8))
 
 
-@pytest.fixture(scope="module")
-def boards(tmp_path_factory):
-    """Ten pairs of pictures in two folders."""
-    folder, chance = tmp_path_factory.mktemp("boards"), np.random.default_rng(1)
-    seen = [rays(0), rays(1)]
+def take(folder, pattern, pairs, middle):
+    """Pairs of pictures in two folders, of a board about whose middle (mm) both turn."""
+    chance, seen = np.random.default_rng(1), [rays(0), rays(1)]
     for name in ("left", "right"):
         (folder / name).mkdir()
-    for index in range(10):
+    for index in range(pairs):
         turn = Rotation.from_rotvec(chance.uniform(-0.45, 0.45, 3)).as_matrix()
         center = [chance.uniform(-6, 6), chance.uniform(-4, 4), chance.uniform(55, 75)]
-        moved = center - turn @ [16, 10, 0]
-        picture(seen[0], turn, moved).save(folder / "left" / f"{index:02d}.png")
-        other = picture(seen[1], TURN @ turn, TURN @ moved + MOVED)
+        moved = center - turn @ middle
+        picture(seen[0], turn, moved, pattern).save(folder / "left" / f"{index:02d}.png")
+        other = picture(seen[1], TURN @ turn, TURN @ moved + MOVED, pattern)
         other.save(folder / "right" / f"{index:02d}.png")
     return folder
+
+
+@pytest.fixture(scope="module")
+def boards(tmp_path_factory):
+    """Ten pairs of pictures of a chessboard."""
+    return take(tmp_path_factory.mktemp("boards"), chessboard, 10, [16, 10, 0])
+
+
+@pytest.mark.parametrize(
+    ("name", "drawn", "board", "middle"),
+    [
+        ("circles", circles, (9, 6), [16, 10, 0]),
+        ("asymmetric-circles", asymmetric_circles, (4, 9), [14, 16, 0]),
+    ],
+)
+def test_circles_do_as_well(tmp_path, name, drawn, board, middle):
+    take(tmp_path, drawn, 6, middle)
+    folders = tmp_path / "left", tmp_path / "right"
+    found, table = calibrate(*folders, board=board, square=SQUARE, pattern=name)
+    # The middle of an ellipse is not the picture of the disc's middle: a little is lost.
+    assert found.rigs[0].baseline == pytest.approx(np.linalg.norm(MOVED), rel=0.02)
+    assert found.rigs[0].a.focal_length == pytest.approx(502.5, rel=0.02)
+    assert len(table) == 6
 
 
 def test_a_drawn_rig_is_found_again(boards):

@@ -13,7 +13,7 @@ import pytest
 from stereosom.backbone import Backbone
 from stereosom.camera import Camera, StereoRig
 from stereosom.reconstruction import HardFrame
-from stereosom.self_calibration import RigUncertainty, epipolar_error, refine_rig
+from stereosom.self_calibration import RigUncertainty, agreement, refine_rig
 from stereosom.synthetic import observe, silhouette
 
 SIZE = (512, 512)
@@ -188,9 +188,9 @@ def test_an_end_that_is_hidden_by_a_bend_is_not_taken_for_one():
         return Backbone.through(np.vstack([stem[:-1], bend]) + moved)
 
     frames = [observe(hook(i), 0.8, TRUE) for i in range(10)]
-    error, places = epipolar_error(frames)
-    assert places >= 10
-    assert error < 2.0  # taking the bend for the tip would make it 20
+    found = agreement(frames)
+    assert found.places >= 10
+    assert found.epipolar_error < 2.0  # taking the bend for the tip would make it 20
 
 
 def test_too_little_to_go_by_is_refused():
@@ -198,7 +198,7 @@ def test_too_little_to_go_by_is_refused():
         refine_rig(seen()[:1])
     with pytest.raises(HardFrame, match="places"):
         refine_rig([])
-    assert np.isnan(epipolar_error([])[0])
+    assert np.isnan(agreement([]).epipolar_error)
 
 
 @pytest.mark.parametrize("angle", [0.0, -1.0, np.nan, np.inf])

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from stereosom.observation import Observation
 from stereosom.options import Options
 from stereosom.reconstruct import track
 from stereosom.reconstruction import Reconstruction
@@ -36,6 +37,7 @@ def reconstruct_run(
     options: Options,
     sampling: Sampling,
     progress: Callable[[Iterable[int]], Iterable[int]] = iter,
+    watch: Callable[[Observation], None] | None = None,
 ) -> Iterator[Reconstruction]:
     """Reconstruct the frames that are not done yet, and write each before the next is read.
 
@@ -53,6 +55,8 @@ def reconstruct_run(
     sampling : Sampling
     progress : callable
         Wraps the frame numbers that are left, to show how far it is.
+    watch : callable, optional
+        Given each observation before it is reconstructed.
 
     Yields
     ------
@@ -61,7 +65,7 @@ def reconstruct_run(
     """
     left = [frame for frame in frames if frame not in folder.frames_done]
     options = _resumed(folder, options)
-    observations = observe(acquisition, segment, frames=progress(left))
+    observations = _watched(observe(acquisition, segment, frames=progress(left)), watch)
     for result in track(observations, method=method, options=options):
         folder.commit(
             result,
@@ -70,6 +74,15 @@ def reconstruct_run(
             source_uids=acquisition.source_uids,
         )
         yield result
+
+
+def _watched(
+    observations: Iterable[Observation], watch: Callable[[Observation], None] | None
+) -> Iterator[Observation]:
+    for observation in observations:
+        if watch is not None:
+            watch(observation)
+        yield observation
 
 
 def describe_inputs(paths: Iterable[Path]) -> list[dict[str, Any]]:

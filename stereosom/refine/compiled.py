@@ -23,6 +23,9 @@ from .reference import (
     WIDEST_PX,
 )
 
+# Outline points are kept in cells of this size, px.
+CELL_PX = 8.0
+
 _compile = njit(cache=True, fastmath=False, nogil=True)
 
 
@@ -150,13 +153,14 @@ def match(picture, normals, bend, samples, points, directions, turning, reach): 
         start += length
     nearest = np.full(len(points), -1, dtype=np.int64)
     residual = np.zeros(len(points))
-    cell = max(reach, 8.0)
-    left, top = points[:, 0].min() - cell, points[:, 1].min() - cell
-    columns = int((points[:, 0].max() - left) / cell) + 2
-    rows = int((points[:, 1].max() - top) / cell) + 2
+    cell = CELL_PX
+    rings = int(reach / cell) + 1
+    left, top = points[:, 0].min() - 2 * cell, points[:, 1].min() - 2 * cell
+    columns = int((points[:, 0].max() - left) / cell) + 3
+    rows = int((points[:, 1].max() - top) / cell) + 3
     # Chains of outline points by cell: the last one in each, and the one before each.
-    last = np.full(rows * columns, -1, dtype=np.int64)
-    previous = np.full(count, -1, dtype=np.int64)
+    last = np.full(rows * columns, -1, dtype=np.int32)
+    previous = np.full(count, -1, dtype=np.int32)
     for k in range(count):
         x, y = (picture[k, 0] - left) / cell, (picture[k, 1] - top) / cell
         if 0 <= x < columns and 0 <= y < rows:
@@ -168,17 +172,24 @@ def match(picture, normals, bend, samples, points, directions, turning, reach): 
         dx, dy = directions[i, 0], directions[i, 1]
         column, row = int((px - left) / cell), int((py - top) / cell)
         best, found = reach**2, -1
-        for near_row in range(max(row - 1, 0), min(row + 2, rows)):
-            for near_column in range(max(column - 1, 0), min(column + 2, columns)):
-                k = last[near_row * columns + near_column]
-                while k >= 0:
-                    squared = (px - picture[k, 0]) ** 2 + (py - picture[k, 1]) ** 2
-                    if squared < best:
-                        turned = (dx - normals[k, 0]) ** 2 + (dy - normals[k, 1]) ** 2
-                        squared += turning_squared * turned
+        for ring in range(rings + 1):
+            # All beyond the rings that were searched are farther off than this.
+            if ring and best <= ((ring - 1) * cell) ** 2:
+                break
+            for near_row in range(max(row - ring, 0), min(row + ring + 1, rows)):
+                edge = near_row == row - ring or near_row == row + ring
+                for near_column in range(column - ring, column + ring + 1, 1 if edge else 2 * ring):
+                    if near_column < 0 or near_column >= columns:
+                        continue
+                    k = last[near_row * columns + near_column]
+                    while k >= 0:
+                        squared = (px - picture[k, 0]) ** 2 + (py - picture[k, 1]) ** 2
                         if squared < best:
-                            best, found = squared, k
-                    k = previous[k]
+                            turned = (dx - normals[k, 0]) ** 2 + (dy - normals[k, 1]) ** 2
+                            squared += turning_squared * turned
+                            if squared < best:
+                                best, found = squared, k
+                        k = previous[k]
         if found < 0:
             continue
         nx, ny = normals[found, 0], normals[found, 1]

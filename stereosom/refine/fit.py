@@ -36,7 +36,7 @@ _TURNING = 5.0
 # A step may slide along the curve only this weakly; a share of how strongly it is held across.
 _SLIDING = 0.01
 # Steps smaller than this are no steps, px.
-_SETTLED_PX = 0.03
+_SETTLED_PX = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +141,9 @@ def fit_tube(
         drawn = contours if gate is None or gate <= _PLACING else thinned
         looks = _looks(rig, drawn, tube, gate, shown)
         if gate == _SETTLING:
-            shown = _ends_shown(rig, tube, looks)
-            looks = _looks(rig, contours, tube, gate, shown)
+            hidden, shown = shown, _ends_shown(rig, tube, looks)
+            if shown != hidden:
+                looks = _looks(rig, contours, tube, gate, shown)
         step = _Step(basis, control, tube, looks, caps_turn=gate is None or gate <= _TURNING)
         if number <= len(gates):
             stiffness = step.evidence(stiffness)
@@ -220,7 +221,6 @@ class _Step:
             )  # fmt: skip
             self.matrix += matrix
             self.side += side
-        self.noise = noise_variance(looks)
 
     def evidence(self, stiffness: float) -> float:
         """Next estimate of the stiffness: how rough the curve is against how noisy its picture.
@@ -234,7 +234,8 @@ class _Step:
         blocks = sum(covariance[axis::3, axis::3] for axis in range(3))
         undetermined = stiffness * float(np.sum(blocks * basis.roughness))
         directions = max(3.0 * (basis.count - 3) - undetermined, 1.0)
-        return float(np.clip(self.noise * directions / max(roughness, 1e-12), 1e-9, 1e6))
+        noise = noise_variance(self.looks)
+        return float(np.clip(noise * directions / max(roughness, 1e-12), 1e-9, 1e6))
 
     def solve(self, stiffness: float, radius_known: bool) -> tuple[Floats, float]:
         """Shift of the control points (m, 3) and of the radius, mm."""

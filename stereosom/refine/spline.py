@@ -12,7 +12,7 @@ from ..backbone import Backbone
 
 DEGREE = 3
 # Samples of the curve a piece: fine enough that an outline between two of them is an arc.
-_SAMPLES_A_PIECE = 8
+_SAMPLES_A_PIECE = 6
 
 
 class SplineBasis:

@@ -1,6 +1,7 @@
-"""Run by 3D Slicer's own Python: read a model and a curve, print what Slicer made of them.
+"""Run by 3D Slicer's own Python: read our files, print what Slicer made of them, write them again.
 
-`python slicer_read.py CENTERLINE.vtp CURVE.mrk.json` prints one line of JSON.
+`python slicer_read.py CENTERLINE.vtp CURVE.mrk.json [RUN.seq.mrb FOLDER]` prints one line of
+JSON; what Slicer writes goes into FOLDER.
 """
 
 import json
@@ -17,7 +18,35 @@ def read(scene, node_class, storage_class, path):
     return node, {"read": bool(read), "messages": told}
 
 
-def main(model_path, curve_path):
+def write(scene, node, storage_class, path):
+    """Write a node as the application does."""
+    storage = scene.AddNewNodeByClass(storage_class)
+    storage.SetFileName(path)
+    return bool(storage.WriteData(node))
+
+
+def read_sequence(scene, path, folder):
+    """Read a bundle, and say what each of its times holds."""
+    import slicer
+    from vtk.util.numpy_support import vtk_to_numpy
+
+    # The application has such a cache; bundles are unpacked into it.
+    manager, cache = slicer.vtkDataIOManager(), slicer.vtkCacheManager()
+    cache.SetRemoteCacheDirectory(folder)
+    manager.SetCacheManager(cache)
+    scene.SetDataIOManager(manager)
+    node, seen = read(scene, "vtkMRMLSequenceNode", "vtkMRMLSequenceStorageNode", path)
+    models = [node.GetNthDataNode(i) for i in range(node.GetNumberOfDataNodes())]
+    return seen | {
+        "index": [node.GetIndexName(), node.GetIndexUnit(), node.GetIndexTypeAsString()],
+        "times": [node.GetNthIndexValue(i) for i in range(len(models))],
+        "classes": [model.GetClassName() for model in models],
+        "points": [vtk_to_numpy(m.GetPolyData().GetPoints().GetData()).tolist() for m in models],
+        "arrays": [m.GetPolyData().GetPointData().GetNumberOfArrays() for m in models],
+    }
+
+
+def main(model_path, curve_path, sequence_path=None, folder=None):
     """Print what is in memory after reading: coordinates are RAS."""
     # Here, not above: pytest imports this file too, with a Python that has no Slicer.
     import slicer
@@ -28,6 +57,14 @@ def main(model_path, curve_path):
     vtkOutputWindow.SetInstance(window)
     scene = slicer.vtkMRMLScene()
     scene.RegisterNodeClass(slicer.vtkMRMLMarkupsJsonStorageNode())  # the Markups module's part
+
+    # The application's scene names the unit of lengths; curves ask for it.
+    unit = scene.AddNewNodeByClass("vtkMRMLUnitNode")
+    unit.SetQuantity("length")
+    unit.SetSuffix("mm")
+    selection = scene.AddNewNodeByClass("vtkMRMLSelectionNode")
+    selection.SetUnitNodeID("length", unit.GetID())
+    selection.SetSingletonTag("Singleton")
 
     model, seen = read(scene, "vtkMRMLModelNode", "vtkMRMLModelStorageNode", model_path)
     polydata = model.GetPolyData()
@@ -63,7 +100,19 @@ def main(model_path, curve_path):
             curve.GetNthMeasurement(i).GetName() for i in range(curve.GetNumberOfMeasurements())
         ],
     }
-    print(json.dumps({"model": seen, "curve": seen_curve, "vtk": window.GetOutput()}))
+    everything = {"model": seen, "curve": seen_curve}
+    if folder:
+        everything["sequence"] = read_sequence(scene, sequence_path, folder)
+        written = [write(scene, model, "vtkMRMLModelStorageNode", f"{folder}/lps.vtp")]
+        storage = scene.AddNewNodeByClass("vtkMRMLModelStorageNode")
+        storage.SetCoordinateSystem(slicer.vtkMRMLStorageNode.CoordinateSystemRAS)
+        storage.SetFileName(f"{folder}/ras.vtp")
+        written.append(bool(storage.WriteData(model)))
+        curve.SetNthControlPointPositionWorld(1, 1.0, 2.0, 3.0)  # the user drags a point
+        json_class = "vtkMRMLMarkupsJsonStorageNode"
+        written.append(write(scene, curve, json_class, f"{folder}/moved.mrk.json"))
+        everything["written"] = written
+    print(json.dumps({**everything, "vtk": window.GetOutput()}))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ Needs an environment of its own, whose Python STEREOSOM_SLICER_PYTHON names:
 import json
 import os
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from stereosom.reconstruction import Reconstruction
 from stereosom.synthetic import growing_helix
-from stereosom_plugin import polydata
+from stereosom_plugin import exports, polydata
 
 pytestmark = pytest.mark.interop
 TO_RAS = np.array([-1.0, -1.0, 1.0])
@@ -87,6 +88,55 @@ def test_model_and_curve(tmp_path, read_by_slicer):
     assert (curve["labels"][0], curve["labels"][-1]) == ("base", "tip")
     assert curve["length"] == pytest.approx(result.backbone.length, rel=1e-3)
     assert {"StandardDeviation", "Radius"} <= set(curve["measurements"])
+
+
+@pytest.fixture(scope="module")
+def there_and_back(tmp_path_factory, read_by_slicer):
+    """Our files of two frames, what Slicer saw in them, and the folder of what it wrote."""
+    folder = tmp_path_factory.mktemp("slicer")
+    results = [replace(helix(), index=i, time=i / 30, residuals=(0.1, 0.2)) for i in range(2)]
+    polydata.write_vtp(results[0], folder / "c.vtp")
+    polydata.write_markups(results[0], folder / "c.mrk.json")
+    lines = [polydata.to_centerline(result) for result in results]
+    lines[1] = replace(lines[1], points=1.1 * lines[1].points)
+    exports.write_sequence(lines, folder / "run.seq.mrb")
+    names = ("c.vtp", "c.mrk.json", "run.seq.mrb", ".")
+    seen, errors = read_by_slicer(*(folder / name for name in names))
+    assert (seen["vtk"], errors) == ("", "")
+    assert seen["written"] == [True] * 3
+    return lines, seen, folder
+
+
+def test_sequence_plays_in_seconds(there_and_back):
+    lines, seen, _ = there_and_back
+    sequence = seen["sequence"]
+    assert (sequence["read"], sequence["messages"]) == (True, [])
+    assert sequence["index"] == ["time", "s", "numeric"]
+    assert [float(time) for time in sequence["times"]] == pytest.approx([0, 1 / 30])
+    assert sequence["classes"] == ["vtkMRMLModelNode"] * 2
+    assert sequence["arrays"] == [len(line.arrays) for line in lines]
+    for points, line in zip(sequence["points"], lines, strict=True):
+        np.testing.assert_allclose(points, line.points * TO_RAS, atol=1e-6)
+
+
+@pytest.mark.parametrize("space", ["lps", "ras"])
+def test_we_read_the_model_that_slicer_writes(there_and_back, space):
+    """In either space; Slicer keeps single precision."""
+    lines, _, folder = there_and_back
+    back = polydata.read_vtp(folder / f"{space}.vtp")
+    np.testing.assert_allclose(back.points, lines[0].points, atol=1e-4)
+    assert set(back.arrays) >= set(lines[0].arrays)
+    for name, array in lines[0].arrays.items():
+        np.testing.assert_allclose(back.arrays[name], array, atol=1e-4, err_msg=name)
+
+
+def test_we_read_the_curve_that_slicer_writes(there_and_back):
+    """One point of it was dragged in Slicer, to (1, 2, 3) in RAS."""
+    lines, _, folder = there_and_back
+    back = exports.read_markups(folder / "moved.mrk.json")
+    wanted = lines[0].backbone.sample(50)
+    wanted[1] = [-1, -2, 3]
+    np.testing.assert_allclose(back.points, wanted, atol=1e-3)
 
 
 def test_a_complaint_would_be_heard(tmp_path, read_by_slicer):

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..acquisition import Acquisition
+from ..acquisition import Acquisition, FramePair
 from ..centerline import read_vtp
 from ..dicom_out import Origin, write_centerlines, write_masks
 from ..output import DICOM_CENTERLINES, DICOM_MASKS, centerline_path, read_table
-from ..segmentation import Segment, observe
+from ..segmentation import Mask, Segment, observe
 from .reconstructing import say, warn
 
 
@@ -39,23 +39,30 @@ def write_dicom_objects(
             warn(f"no frame has a centerline, so there is no {DICOM_CENTERLINES}")
     if arguments.dicom_seg:
         frames = [int(row["frame"]) for row in rows]
-        for view, sources in enumerate((origin.frames_a, origin.frames_b)):
-            write_masks(
-                _masks(acquisition, segment, frames, view),
-                [sources[frame] for frame in frames],
-                origin,
-                folder / DICOM_MASKS[view],
-            )
-            say(arguments, f"written {folder / DICOM_MASKS[view]}")
+        for view, masks in enumerate(_masks(acquisition, segment, frames)):
+            path = folder / DICOM_MASKS[view]
+            sources = (origin.frames_a, origin.frames_b)[view]
+            write_masks(masks, [sources[frame] for frame in frames], origin, path)
+            say(arguments, f"written {path}")
 
 
 def _masks(
-    acquisition: Acquisition, segment: Segment, frames: list[int], view: int
-) -> Iterator[Any]:
-    """Segment the pictures of one plane once more: masks are not kept during a run."""
-    for seen in observe(acquisition, segment, frames=frames):
-        width, height = (seen.rig.a, seen.rig.b)[view].image_size
-        mask = np.zeros((height, width), dtype=bool)
-        column, row = np.rint((seen.pixels_a, seen.pixels_b)[view]).astype(int).T
-        mask[row, column] = True
-        yield mask
+    acquisition: Acquisition, segment: Segment, frames: list[int]
+) -> tuple[Iterator[Mask], ...]:
+    """Segment the pictures once more: masks are not kept during a run. Frames of either view."""
+    kept: tuple[dict[int, Any], ...] = ({}, {})
+
+    def keep(frame: int, _: FramePair, *masks: Mask) -> None:
+        for of_view, mask in zip(kept, masks, strict=True):
+            of_view[frame] = np.packbits(mask)  # an eighth of the memory
+
+    for _ in observe(acquisition, segment, frames=frames, show=keep):
+        pass
+
+    def unpacked(view: int, shape: tuple[int, int]) -> Iterator[Mask]:
+        for frame in frames:
+            bits = kept[view].get(frame, np.zeros(-(-shape[0] * shape[1] // 8), dtype=np.uint8))
+            yield np.unpackbits(bits, count=shape[0] * shape[1]).reshape(shape).astype(bool)
+
+    rig = acquisition.rigs[0]
+    return tuple(unpacked(i, camera.image_size[::-1]) for i, camera in enumerate((rig.a, rig.b)))

@@ -37,6 +37,11 @@ def add_words(parser: argparse.ArgumentParser) -> None:
         help="subtract the masks that the objects prescribe (digital subtraction angiography)",
     )
     parser.add_argument(
+        "--refine-geometry",
+        action="store_true",
+        help="refine how the planes stand to each other from the device, and say what was changed",
+    )
+    parser.add_argument(
         "--dicom-sr",
         action="store_true",
         help="also write centerlines.dcm: the run as a DICOM Comprehensive 3D SR",
@@ -63,7 +68,13 @@ def run(arguments: argparse.Namespace) -> int:
         from ..dicom_out import read_origin  # before a long run: it may refuse
 
         origin = read_origin(acquisition)
-    code = reconstruct_and_report(acquisition, segment_xray, arguments)
+    if arguments.refine_geometry:
+        from ..geometry_check import refine_geometry
+
+        acquisition = refine_geometry(acquisition, segment_xray)
+    code = reconstruct_and_report(
+        acquisition, segment_xray, arguments, check_geometry=not arguments.refine_geometry
+    )
     if origin is not None:
         from .dicom_objects import write_dicom_objects
 

@@ -16,6 +16,7 @@ from stereosom.stereo_som import StereoSomOptions
 from ..acquisition import Acquisition, Image
 from ..centerline import read_vtp
 from ..errors import InputError, require
+from ..geometry_check import GeometryCheck
 from ..output import OutputFolder, Row, centerline_path
 from ..polydata import generator
 from ..run import Sampling, describe_inputs, reconstruct_run
@@ -25,14 +26,22 @@ Arguments = argparse.Namespace
 
 
 def reconstruct_and_report(
-    acquisition: Acquisition, segment: Callable[[Image], Any], arguments: Arguments
+    acquisition: Acquisition,
+    segment: Callable[[Image], Any],
+    arguments: Arguments,
+    *,
+    check_geometry: bool = False,
 ) -> int:
-    """Reconstruct a run into its output folder, draw and report it; returns the exit code."""
+    """Reconstruct a run into its output folder, draw and report it; returns the exit code.
+
+    Where `check_geometry` is set, a warning is printed if the views disagree about the device.
+    """
     for note in acquisition.notes:
         print(f"stereosom: note: {note}", file=sys.stderr)
     frames = _frames(arguments.frames, len(acquisition))
     options = _options(arguments)
     folder = OutputFolder(arguments.output, _record(acquisition, arguments))
+    check = GeometryCheck(frames if check_geometry else ())
     folder.begin(acquisition.rigs, lenses=acquisition.lenses, overwrite=arguments.overwrite)
     results = reconstruct_run(
         acquisition,
@@ -43,11 +52,14 @@ def reconstruct_and_report(
         options=options,
         sampling=Sampling(arguments.samples, arguments.spacing),
         progress=progress_bar(arguments),
+        watch=check.see,
     )
     for result in results:
         if not result.ok:
             warn(f"frame {result.index}: {result.status}: {result.reason}")
     folder.finish()
+    if doubt := check.warning():
+        warn(f"warning: {doubt}")
     if arguments.render:
         _render_run(acquisition, folder)
     _report(folder, arguments)
@@ -74,7 +86,7 @@ def _options(arguments: Arguments) -> Options:
 def _record(acquisition: Acquisition, arguments: Arguments) -> dict[str, Any]:
     """What makes a call this call: the same one goes on where it stopped."""
     shaping = ("method", "nodes", "base", "direction", "length", "radius", "frames", "samples",
-               "spacing", "rate", "dsa")  # fmt: skip
+               "spacing", "rate", "dsa", "refine_geometry")  # fmt: skip
     inputs = list(acquisition.sources)
     if getattr(arguments, "rig", None):
         inputs.append(Path(arguments.rig))

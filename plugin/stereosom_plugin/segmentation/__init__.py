@@ -6,9 +6,18 @@ Any function that maps an image to a boolean mask of its size can stand in for
 
 from .binary import binary
 from .biplane import BiplaneSegmenter
-from .observing import Segment, observe
+from .observing import Segment, Show, observe
 from .outline import outline
 from .picture import Mask
 from .xray import segment_xray
 
-__all__ = ["BiplaneSegmenter", "Mask", "Segment", "binary", "observe", "outline", "segment_xray"]
+__all__ = [
+    "BiplaneSegmenter",
+    "Mask",
+    "Segment",
+    "Show",
+    "binary",
+    "observe",
+    "outline",
+    "segment_xray",
+]
