@@ -44,9 +44,10 @@ def store(dataset, pictures):
     dataset["PixelData"].is_undefined_length = False
 
 
-def curves(given, **options):
-    run = fluoroscopy.read_biplane(given, **options)
-    return [result.backbone for result in stereosom.track(segmentation.observe(run))]
+def curves(given):
+    """Each frame by itself: what is tried here is the reading, not the tracking."""
+    run = fluoroscopy.read_biplane(given)
+    return [stereosom.reconstruct(seen).backbone for seen in segmentation.observe(run)]
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +122,7 @@ def one_file(planes, folder):
     ("disguise", "within"),
     [
         (turned, 0.05),
-        (logarithm, 0.05),
+        (logarithm, 0.27),  # rounding may cost the mask a pixel, as wide as this
         (inverted, 1e-6),
         (single_frames, 1e-6),
         (one_file, 1e-6),
