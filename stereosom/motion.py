@@ -9,7 +9,10 @@ import numpy as np
 from .arrays import Floats
 from .backbone import Backbone
 from .reconstruction import Reconstruction
+from .refine.spline import spline_basis
 
+# Points that a curve's motion is told at, and pieces of the curve that is predicted.
+_POINTS, _PIECES = 80, 16
 # A device goes on as it moved for about so many frames' time, and then rests.
 _GOES_ON = 3.0
 # What a device may move from one frame to the next that was seen at rest, mm.
@@ -24,38 +27,41 @@ class Motion:
     ----------
     last : Reconstruction
         With a backbone.
-    velocity : (m, 3) array
-        Of its control points, mm/s.
+    places : (n, 3) array
+        Points at equal steps along it, mm.
+    velocity : (n, 3) array
+        Of these points, mm/s.
     interval : float
         Time between frames, s.
     """
 
     last: Reconstruction
+    places: Floats
     velocity: Floats
     interval: float
 
     @classmethod
     def after(cls, result: Reconstruction, before: Motion | None) -> Motion:
         """What a curve that was seen tells, after another or as the first."""
-        curve = result.backbone
-        assert curve is not None
-        rest = cls(result, np.zeros_like(curve.coefficients), before.interval if before else 0.0)
-        if before is None or before.last.backbone is None:
-            return rest
+        assert result.backbone is not None
+        places = result.backbone.polyline(_POINTS)
+        if before is None:
+            return cls(result, places, np.zeros_like(places), 0.0)
         passed = result.time - before.last.time
-        if passed <= 0 or not np.array_equal(curve.knots, before.last.backbone.knots):
-            return rest
-        moved = curve.coefficients - before.last.backbone.coefficients
-        return cls(result, moved / passed, passed / max(result.index - before.last.index, 1))
+        if passed <= 0:
+            return cls(result, places, np.zeros_like(places), before.interval)
+        frames = max(result.index - before.last.index, 1)
+        return cls(result, places, (places - before.places) / passed, passed / frames)
 
     def at(self, time: float) -> Backbone:
         """The curve that is expected at a time, s."""
-        curve, rest = self.last.backbone, _GOES_ON * self.interval
-        assert curve is not None
+        rest = _GOES_ON * self.interval
         if rest == 0:
-            return curve
+            assert self.last.backbone is not None
+            return self.last.backbone
         reach = rest * (1 - np.exp(-max(time - self.last.time, 0.0) / rest))
-        return Backbone(curve.knots, curve.coefficients + reach * self.velocity, curve.degree)
+        basis = spline_basis(_PIECES)
+        return basis.backbone(basis.control_points(self.places + reach * self.velocity))
 
     def predicted(self, index: int, time: float, why: str) -> Reconstruction:
         """A result for a frame that shows too little: carried on, and less sure with each."""

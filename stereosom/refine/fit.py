@@ -151,7 +151,7 @@ def fit_tube(
         if not np.isfinite(moved).all() or np.abs(moved).max() > 1e4:
             raise HardFrame("the fit left the device")
         control, radius = control + moved, max(radius + grown, 1e-3)
-        if gate is None and step.across(moved) < settled_mm:
+        if gate is None and step.farthest(moved) < settled_mm:
             break
     return TubeFit(
         basis.backbone(control),
@@ -249,11 +249,13 @@ class _Step:
         moved = np.linalg.solve(held, side)
         return np.asarray(moved[:-1].reshape(-1, 3)), float(moved[-1])
 
-    def across(self, moved: Floats) -> float:
-        """Largest shift of the curve across itself, mm."""
+    def farthest(self, moved: Floats) -> float:
+        """Largest shift of the curve across itself, mm; along it, a fifth of its ends'."""
         shift, tangents = self.basis.values @ moved, self.tube.tangents
-        shift -= np.sum(shift * tangents, axis=1, keepdims=True) * tangents
-        return float(np.linalg.norm(shift, axis=1).max())
+        along = np.einsum("ni,ni->n", shift, tangents)
+        along[[0, -1]] *= 0.8
+        shift -= along[:, None] * tangents
+        return float(np.sqrt(np.einsum("ni,ni->n", shift, shift).max()))
 
     def _held(self, stiffness: float) -> Floats:
         """The normal matrix with the spline's stiffness."""

@@ -32,9 +32,10 @@ __all__ = [
 
 # Fewer places than parameters that they can tell, and the answer would be mostly the prior's.
 LEAST_PLACES = 8
-# The standard deviation of a place that both views name where everything is right: some px, and
-# a share of the device's width, because the outline of an end is not that of its middle.
-_NOISE_PX, _NOISE_WIDTHS = 0.5, 0.1
+# The standard deviation of a place that both views name: some px, and half the device's width.
+# Its outline may end that far from its middle line, and does so alike in all frames, which are no
+# independent measurements; with less, what the frames have in common is taken for the rig's.
+_NOISE_PX, _NOISE_WIDTHS = 0.5, 0.5
 _STEPS, _LONGEST_STEP, _SMALL_STEP = 30, 3.0, 2e-3
 
 
