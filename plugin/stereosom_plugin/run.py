@@ -16,7 +16,7 @@ from stereosom.reconstruction import Reconstruction
 from .acquisition import Acquisition
 from .centerline import read_vtp
 from .output import OutputFolder, centerline_path
-from .segmentation import Segment, observe
+from .segmentation import Segment, Show, observe
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,7 @@ def reconstruct_run(
     sampling: Sampling,
     progress: Callable[[Iterable[int]], Iterable[int]] = iter,
     watch: Callable[[Observation], None] | None = None,
+    show: Show | None = None,
 ) -> Iterator[Reconstruction]:
     """Reconstruct the frames that are not done yet, and write each before the next is read.
 
@@ -57,6 +58,8 @@ def reconstruct_run(
         Wraps the frame numbers that are left, to show how far it is.
     watch : callable, optional
         Given each observation before it is reconstructed.
+    show : callable, optional
+        Given the pictures and masks of each frame, as in `observe`.
 
     Yields
     ------
@@ -65,7 +68,8 @@ def reconstruct_run(
     """
     left = [frame for frame in frames if frame not in folder.frames_done]
     options = _resumed(folder, options)
-    observations = _watched(observe(acquisition, segment, frames=progress(left)), watch)
+    seen = observe(acquisition, segment, frames=progress(left), show=show)
+    observations = _watched(seen, watch)
     for result in track(observations, method=method, options=options):
         folder.commit(
             result,

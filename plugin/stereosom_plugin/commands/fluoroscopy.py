@@ -13,7 +13,15 @@ DOES = "reconstruct a biplane X-ray run from DICOM"
 EXAMPLE = "stereosom fluoroscopy plane_a.dcm plane_b.dcm --output out --render"
 
 # What the command alone can be asked for, as it is where nobody asks.
-LEFT_OUT = {"describe": False, "dsa": False, "dicom_sr": False, "dicom_seg": False}
+LEFT_OUT = {
+    "describe": False,
+    "dsa": False,
+    "refine_geometry": False,
+    "segmenter": "xray",
+    "show_masks": False,
+    "dicom_sr": False,
+    "dicom_seg": False,
+}
 
 
 def add_words(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +50,18 @@ def add_words(parser: argparse.ArgumentParser) -> None:
         help="refine how the planes stand to each other from the device, and say what was changed",
     )
     parser.add_argument(
+        "--segmenter",
+        default="xray",
+        metavar="NAME",
+        help="what finds the device in a picture: xray (default), the path of a model.onnx, or "
+        "package.module:function",
+    )
+    parser.add_argument(
+        "--show-masks",
+        action="store_true",
+        help="also write segmentation_0000.png, ...: what was found in both views",
+    )
+    parser.add_argument(
         "--dicom-sr",
         action="store_true",
         help="also write centerlines.dcm: the run as a DICOM Comprehensive 3D SR",
@@ -56,12 +76,13 @@ def add_words(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Reconstruct a biplane X-ray run from DICOM."""
     from ..fluoroscopy import read_biplane
-    from ..segmentation import segment_xray
+    from ..segmentation.own import load_segmenter
 
     if arguments.describe:
         return _describe(arguments)
     if arguments.output is None:
         raise InputError("--output", "is missing", "name a folder for the results; see --help")
+    segment = load_segmenter(arguments.segmenter)
     acquisition = read_biplane(arguments.inputs, dsa=arguments.dsa)
     origin = None
     if arguments.dicom_sr or arguments.dicom_seg:
@@ -71,14 +92,14 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.refine_geometry:
         from ..geometry_check import refine_geometry
 
-        acquisition = refine_geometry(acquisition, segment_xray)
+        acquisition = refine_geometry(acquisition, segment)
     code = reconstruct_and_report(
-        acquisition, segment_xray, arguments, check_geometry=not arguments.refine_geometry
+        acquisition, segment, arguments, check_geometry=not arguments.refine_geometry
     )
     if origin is not None:
         from .dicom_objects import write_dicom_objects
 
-        write_dicom_objects(acquisition, segment_xray, origin, arguments)
+        write_dicom_objects(acquisition, segment, origin, arguments)
     return code
 
 

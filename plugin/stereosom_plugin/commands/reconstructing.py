@@ -20,6 +20,7 @@ from ..geometry_check import GeometryCheck
 from ..output import OutputFolder, Row, centerline_path
 from ..polydata import generator
 from ..run import Sampling, describe_inputs, reconstruct_run
+from ..segmentation.show import MaskPictures
 from .drawing import draw
 
 Arguments = argparse.Namespace
@@ -53,6 +54,7 @@ def reconstruct_and_report(
         sampling=Sampling(arguments.samples, arguments.spacing),
         progress=progress_bar(arguments),
         watch=check.see,
+        show=MaskPictures(folder.path) if getattr(arguments, "show_masks", False) else None,
     )
     for result in results:
         if not result.ok:
@@ -86,7 +88,7 @@ def _options(arguments: Arguments) -> Options:
 def _record(acquisition: Acquisition, arguments: Arguments) -> dict[str, Any]:
     """What makes a call this call: the same one goes on where it stopped."""
     shaping = ("method", "nodes", "base", "direction", "length", "radius", "frames", "samples",
-               "spacing", "rate", "dsa", "refine_geometry")  # fmt: skip
+               "spacing", "rate", "dsa", "refine_geometry", "segmenter")  # fmt: skip
     inputs = list(acquisition.sources)
     if getattr(arguments, "rig", None):
         inputs.append(Path(arguments.rig))
