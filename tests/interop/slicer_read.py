@@ -50,21 +50,13 @@ def main(model_path, curve_path, sequence_path=None, folder=None):
     """Print what is in memory after reading: coordinates are RAS."""
     # Here, not above: pytest imports this file too, with a Python that has no Slicer.
     import slicer
-    from vtk import vtkOutputWindow, vtkStringOutputWindow
+    from vtk import vtkObject, vtkOutputWindow, vtkStringOutputWindow
     from vtk.util.numpy_support import vtk_to_numpy
 
     window = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
     scene = slicer.vtkMRMLScene()
     scene.RegisterNodeClass(slicer.vtkMRMLMarkupsJsonStorageNode())  # the Markups module's part
-
-    # The application's scene names the unit of lengths; curves ask for it.
-    unit = scene.AddNewNodeByClass("vtkMRMLUnitNode")
-    unit.SetQuantity("length")
-    unit.SetSuffix("mm")
-    selection = scene.AddNewNodeByClass("vtkMRMLSelectionNode")
-    selection.SetUnitNodeID("length", unit.GetID())
-    selection.SetSingletonTag("Singleton")
 
     model, seen = read(scene, "vtkMRMLModelNode", "vtkMRMLModelStorageNode", model_path)
     polydata = model.GetPolyData()
@@ -103,6 +95,7 @@ def main(model_path, curve_path, sequence_path=None, folder=None):
     everything = {"model": seen, "curve": seen_curve}
     if folder:
         everything["sequence"] = read_sequence(scene, sequence_path, folder)
+        vtkObject.GlobalWarningDisplayOff()  # this scene has no unit nodes, and editing misses them
         written = [write(scene, model, "vtkMRMLModelStorageNode", f"{folder}/lps.vtp")]
         storage = scene.AddNewNodeByClass("vtkMRMLModelStorageNode")
         storage.SetCoordinateSystem(slicer.vtkMRMLStorageNode.CoordinateSystemRAS)
