@@ -30,8 +30,8 @@ __all__ = [
     "refine_rig",
 ]
 
-# Fewer places than parameters that they can tell, and the answer would be mostly the prior's.
-LEAST_PLACES = 8
+# Among fewer places a wrong one could not be told from the others.
+LEAST_PLACES = 6
 # The standard deviation of a place that both views name: some px, and half the device's width.
 # Its outline may end that far from its middle line, and does so alike in all frames, which are no
 # independent measurements; with less, what the frames have in common is taken for the rig's.

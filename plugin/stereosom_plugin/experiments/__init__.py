@@ -45,6 +45,19 @@ def _coverage(output: Path, *, progress: Progress = iter) -> str:
     return run(output, progress=progress)
 
 
+def _self_calibration(output: Path, *, progress: Progress = iter) -> str:
+    """Wrong headers, as they are and refined from the device."""
+    from .self_calibration import run
+
+    return run(output, progress=progress)
+
+
 EXPERIMENTS: MappingProxyType[str, Experiment] = MappingProxyType(
-    {"coverage": _coverage, "limits": _limits, "methods": _methods, "table1": _table1}
+    {
+        "coverage": _coverage,
+        "limits": _limits,
+        "methods": _methods,
+        "self-calibration": _self_calibration,
+        "table1": _table1,
+    }
 )
