@@ -18,6 +18,9 @@ FOLD, END = 9.0, 2.5
 SMOOTHED = 0.6
 # The noise must lie so many times below the level of an edge.
 CLEAR = 3.5
+# How far a circle falls back at three quarters of its radius, in radii, and the share of that
+# which a flat end may show by noise.
+ROUND, NOT_FLAT = 1 - np.sqrt(1 - 0.75**2), 0.3
 _SQUARE = np.ones((3, 3), dtype=bool)
 
 
@@ -77,15 +80,20 @@ def roundness(picture: Gray, tube: Tube, end: int) -> float:
     at = line[-1] + steps[:, None, None] * along + places[:, None] * across
     light = ndimage.gaussian_filter1d(log_at(picture, at), 1.5, axis=0).astype(float)
     reached = [_reached(steps, light[:, column]) for column in range(3)]
-    behind = reached[1] - min(reached[0], reached[2], key=lambda one: abs(one - reached[1]))
-    return float(np.clip(behind / (0.34 * radius), 0.0, 1.0))
+    # How far a circle falls back at three quarters of its radius; the lesser of both sides, since
+    # something dark may lie beside one. Noise alone makes some of it.
+    share = (reached[1] - max(reached[0], reached[2])) / (ROUND * radius)
+    return float(np.clip((share - NOT_FLAT) / (1 - 2 * NOT_FLAT), 0.0, 1.0))
 
 
 def _reached(steps: Floats, light: Floats) -> float:
     """Where light rises half of its way."""
     level = (light[: len(light) // 4].mean() + light[-4:].mean()) / 2
     over = np.flatnonzero(light > level)
-    return float(steps[over[0]]) if len(over) else float(steps[-1])
+    if len(over) == 0 or over[0] == 0:
+        return float(steps[-1 if len(over) == 0 else 0])
+    first = over[0]
+    return float(np.interp(level, light[first - 1 : first + 1], steps[first - 1 : first + 1]))
 
 
 def _light_taken(log: Gray, radius: float) -> Gray:
