@@ -22,7 +22,7 @@ from .refine.fit import FROM_AFAR, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 
 METHOD = "joint-spline"
 
-_SAMPLES = 200
+_SAMPLES, _COVARIANCES = 200, 100
 # Pixels of a mask this near to the border of the view are cut off there, and show no edge, px.
 _CUT_OFF = 2.5
 # So many pixels, evenly drawn, tell how much lies beside the device.
@@ -46,7 +46,7 @@ class JointSplineOptions(Options):
         Where a number is out of range.
     """
 
-    segments: int = 24
+    segments: int = 20
 
     def __post_init__(self) -> None:
         check_whole(self.segments, "segments", 4, 200)
@@ -105,7 +105,8 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     edges = contours[0].where(~cut_off[0]), contours[1].where(~cut_off[1])
     at_border = contours[0].points[cut_off[0]], contours[1].points[cut_off[1]]
     opened = _open_ends(seen.rig, at_border, curve, radius)
-    for gates in (FROM_AFAR,) if options.start is None else (ON_TRACK, FROM_NEAR):
+    ways = ((ON_TRACK, 0.15), (FROM_NEAR, 0.05)) if options.start else ((FROM_AFAR, 0.05),)
+    for gates, settled_px in ways:
         fit = fit_tube(
             seen.rig,
             edges,
@@ -115,6 +116,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
             radius_known=options.prior.radius is not None,
             segments=options.segments,
             gates=gates,
+            settled_px=settled_px,
         )
         if fit.ends_seen:
             break
@@ -174,7 +176,6 @@ def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
         ("a", seen.rig.a, seen.pixels_a),
         ("b", seen.rig.b, seen.pixels_b),
     )
-    samples = fit.basis.values @ fit.backbone.coefficients
     for (view, camera, pixels), look in zip(views, fit.looks, strict=True):
         unseen = 1 - float(look.rims_seen().any(axis=0).mean())
         if unseen > MOST_UNSEEN:
@@ -185,7 +186,7 @@ def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
         stray = look.stray
         if stray > _LITTLE_STRAY:  # of the edges; specks have more of them than pixels
             drawn = pixels[:: len(pixels) // _DRAWN + 1]
-            distance, _ = cKDTree(camera.project(samples)).query(drawn)
+            distance, _ = cKDTree(camera.project(fit.tube.curve)).query(drawn)
             stray = float(np.mean(distance > 1.5 * look.half_width + 5))
         if stray > MOST_STRAY:
             raise HardFrame(
@@ -230,7 +231,9 @@ def _cut_at_borders(
             start = float(shown[0]) if opened[0] else 0.0
             stop = float(shown[-1]) if opened[1] else backbone.length
             backbone = backbone.between(start, stop)
-    arc_length, tangents, covariance = fit.covariance_along()
+    tangents, covariance = fit.tube.tangents, fit.covariance
+    steps = np.linalg.norm(np.diff(fit.tube.curve, axis=0), axis=1)
+    arc_length = np.concatenate([[0.0], np.cumsum(steps)])
     # Sliding along the curve changes nothing but the names of its points: along it, the
     # covariance is that of the ends, and between them so. An open end lies at the border of
     # the view, to a pixel.
@@ -245,7 +248,7 @@ def _cut_at_borders(
     for end in (0, -1):
         if not opened[end]:
             held[end] = covariance[end]
-    at = start + np.linspace(0, 1, _SAMPLES) * backbone.length
+    at = start + np.linspace(0, 1, _COVARIANCES) * backbone.length
     at *= arc_length[-1] / fit.backbone.length
     place = np.clip(np.searchsorted(arc_length, at) - 1, 0, len(arc_length) - 2)
     share = (at - arc_length[place]) / np.diff(arc_length)[place]

@@ -315,6 +315,23 @@ def rounding(picture, normals, weight, samples, together):  # type: ignore[no-un
 
 
 @_compile
+def along(values, first, covariance):  # type: ignore[no-untyped-def]
+    """As `reference.along`."""
+    n = len(values)
+    found = np.zeros((n, 3, 3))
+    for i in range(n):
+        for j in range(4):
+            for k in range(4):
+                weight = values[i, first[i] + j] * values[i, first[i] + k]
+                a, b = 3 * (first[i] + j), 3 * (first[i] + k)
+                for x in range(3):
+                    for y in range(3):
+                        mean = (covariance[a + x, b + y] + covariance[b + y, a + x]) / 2
+                        found[i, x, y] += weight * mean
+    return found
+
+
+@_compile
 def assemble(values, slopes, first, speed, pull, turn, grow, weight, total):  # type: ignore[no-untyped-def]
     """As `reference.assemble`, touching only the four control points that each point moves."""
     n, m = values.shape

@@ -20,7 +20,7 @@ from .kernels import kernels
 from .look import Look, Tube
 from .reach import seen_stretch
 from .spline import SplineBasis, spline_basis
-from .uncertainty import control_covariance, noise_variance
+from .uncertainty import covariance_along, noise_variance
 
 # Edges farther from the outline than this, px, in one pass after the other, are no part of it;
 # then the spread of the residuals decides.
@@ -35,8 +35,8 @@ _APART_PX = 2.0
 _TURNING = 5.0
 # A step may slide along the curve only this weakly; a share of how strongly it is held across.
 _SLIDING = 0.01
-# Steps smaller than this are no steps, px.
-_SETTLED_PX = 0.05
+# What the evidence most often finds for a spline's roughness, times its stiffness, px².
+_ROUGHNESS_PX2 = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,20 +48,18 @@ class TubeFit:
     backbone : Backbone
     radius : float
         mm.
-    covariance : (3m, 3m) array
-        Of the m control points of the backbone, coordinates of each together, mm².
+    covariance : (n, 3, 3) array
+        At the samples of the tube's curve, mm².
+    tube : Tube
     looks : pair of Look
         What the views show of it.
-    capped : (bool, bool)
-        Whether the base and the tip are ends of the device.
     """
 
     backbone: Backbone
     radius: float
     covariance: Floats
+    tube: Tube
     looks: tuple[Look, Look]
-    capped: tuple[bool, bool]
-    basis: SplineBasis
 
     @property
     def ends_seen(self) -> bool:
@@ -69,22 +67,8 @@ class TubeFit:
         return all(
             seen or not capped
             for look in self.looks
-            for seen, capped in zip(look.cap_seen, self.capped, strict=True)
+            for seen, capped in zip(look.cap_seen, self.tube.capped, strict=True)
         )
-
-    def covariance_along(self) -> tuple[Floats, Floats, Floats]:
-        """Arc lengths (n,), mm, unit tangents (n, 3) and covariance (n, 3, 3), mm², along it."""
-        samples = self.basis.values @ self.backbone.coefficients
-        steps = np.linalg.norm(np.diff(samples, axis=0), axis=1)
-        velocity = self.basis.slopes @ self.backbone.coefficients
-        tangents = velocity / np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), 1e-12)
-        m, n = self.basis.count, self.basis.samples
-        # The basis on one side, then on the other, where only four in a row are not zero.
-        half = (self.basis.values @ self.covariance.reshape(m, -1)).reshape(n, 3, m, 3)
-        near = self.basis.first[:, None] + np.arange(4)
-        every = np.arange(n)[:, None]
-        covariance = np.einsum("nkij,nk->nij", half[every, :, near], self.basis.values[every, near])
-        return np.concatenate([[0.0], np.cumsum(steps)]), tangents, np.asarray(covariance)
 
 
 def fit_tube(
@@ -98,6 +82,7 @@ def fit_tube(
     segments: int = 24,
     gates: Sequence[float] = FROM_AFAR,
     passes: int = 20,
+    settled_px: float = 0.05,
 ) -> TubeFit:
     """Fit a tube to the contours of both views.
 
@@ -119,6 +104,8 @@ def fit_tube(
         Edges farther off, px, are left out, in one pass after the other.
     passes : int
         Of Gauss-Newton, at most.
+    settled_px : float
+        A step that moves the curve by less is the last.
 
     Raises
     ------
@@ -126,8 +113,9 @@ def fit_tube(
         Where the curve leaves the contours.
     """
     basis = spline_basis(segments)
-    control, stiffness = basis.control_points(start), 1e-4
-    settled_mm = _SETTLED_PX * float(rig.a.pixel_size(start[:1])[0])
+    control = basis.control_points(start)
+    stiffness = _ROUGHNESS_PX2 / max(_roughness(basis, control), 1e-12)
+    settled_mm = settled_px * float(rig.a.pixel_size(start[:1])[0])
     # From afar, some of the edges tell as much as all.
     thinned = (contours[0].where(slice(None, None, 4)), contours[1].where(slice(None, None, 4)))
     shown = (capped, capped)
@@ -145,7 +133,7 @@ def fit_tube(
             if shown != hidden:
                 looks = _looks(rig, contours, tube, gate, shown)
         step = _Step(basis, control, tube, looks, caps_turn=gate is None or gate <= _TURNING)
-        if number <= len(gates):
+        if number <= len(gates) and (number or len(gates) > 1):
             stiffness = step.evidence(stiffness)
         moved, grown = step.solve(stiffness, radius_known)
         if not np.isfinite(moved).all() or np.abs(moved).max() > 1e4:
@@ -156,10 +144,9 @@ def fit_tube(
     return TubeFit(
         basis.backbone(control),
         radius,
-        control_covariance(basis, tube, looks, radius_known),
+        covariance_along(tube, looks, radius_known),
+        tube,
         looks,
-        capped,
-        basis,
     )
 
 
@@ -197,6 +184,11 @@ def _looks(
     return look_a, look_b
 
 
+def _roughness(basis: SplineBasis, control: Floats) -> float:
+    """Sum of squared third differences of control points, mm²."""
+    return float(np.sum(control * (basis.roughness @ control)))
+
+
 class _Step:
     """Normal equations of one pass: unknown are the control points' shifts and the radius'."""
 
@@ -229,7 +221,7 @@ class _Step:
         is shared among as many directions as it, and not the data, determines.
         """
         basis = self.basis
-        roughness = np.sum(self.control * (basis.roughness @ self.control))
+        roughness = _roughness(basis, self.control)
         covariance = np.linalg.inv(self._held(stiffness))[:-1, :-1]
         blocks = sum(covariance[axis::3, axis::3] for axis in range(3))
         undetermined = stiffness * float(np.sum(blocks * basis.roughness))

@@ -43,6 +43,12 @@ class Tube:
         """Length of the derivative at the samples, mm."""
         return np.maximum(np.sqrt(np.einsum("ni,ni->n", self.velocity, self.velocity)), 1e-9)
 
+    @property
+    def length(self) -> float:
+        """Of the curve, mm."""
+        steps = np.diff(self.curve, axis=0)
+        return float(np.sqrt(np.einsum("ni,ni->n", steps, steps)).sum())
+
     @cached_property
     def tangents(self) -> Floats:
         """Unit vectors (n, 3)."""

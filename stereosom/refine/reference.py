@@ -396,6 +396,21 @@ def assemble(
     return rows.T @ (weight[:, None] * rows), rows.T @ total
 
 
+def along(values: Floats, first: Integers, covariance: Floats) -> Floats:
+    """Covariance (n, 3, 3) of the samples, from that of the control points, (3m, 3m).
+
+    Parameters
+    ----------
+    values, first
+        As of `SplineBasis`.
+    covariance : (3m, 3m) array
+    """
+    n, m = values.shape
+    half = (values @ covariance.reshape(m, -1)).reshape(n, 3, m, 3)
+    found = np.einsum("nimj,nm->nij", half, values)
+    return np.asarray((found + found.transpose(0, 2, 1)) / 2)
+
+
 def _project(projection: Floats, points: Floats) -> tuple[Floats, Floats]:
     """Pixels (k, 2) and their derivatives (k, 2, 3) by the point, px/mm."""
     homogeneous = points @ projection[:, :3].T + projection[:, 3]

@@ -16,7 +16,13 @@ _SAMPLES_A_PIECE = 6
 
 
 class SplineBasis:
-    """The basis of a clamped cubic spline of `segments` pieces.
+    """The basis of a clamped cubic spline of `segments` pieces, at even steps of its parameter.
+
+    Parameters
+    ----------
+    segments : int
+    samples : int, optional
+        Number of steps and one. Default: six a piece.
 
     Attributes
     ----------
@@ -31,11 +37,11 @@ class SplineBasis:
         cᵀ roughness c is the sum of squared third differences of control points c.
     """
 
-    def __init__(self, segments: int) -> None:
+    def __init__(self, segments: int, samples: int = 0) -> None:
         inner = np.linspace(0, 1, segments + 1)
         self.knots: Floats = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
         self.count = segments + DEGREE
-        self.samples = segments * _SAMPLES_A_PIECE + 1
+        self.samples = samples or segments * _SAMPLES_A_PIECE + 1
         at = np.linspace(0, 1, self.samples)
         self.values: Floats = self.at(at)
         self.slopes: Floats = BSpline(self.knots, np.eye(self.count), DEGREE)(at, nu=1)
@@ -43,6 +49,8 @@ class SplineBasis:
         third = np.diff(np.eye(self.count), 3, axis=0)
         self.roughness: Floats = third.T @ third
         self._from_samples: Floats = np.linalg.pinv(self.values)
+        for array in (self.knots, self.values, self.slopes, self.first):
+            array.setflags(write=False)
 
     def at(self, parameter: Floats) -> Floats:
         """Values of the basis, (k, m), at parameters (k,)."""
@@ -60,13 +68,8 @@ class SplineBasis:
         """The curve of control points (m, 3)."""
         return Backbone(self.knots, control, DEGREE)
 
-    def from_coarser(self, segments: int) -> Floats:
-        """Control points of this spline, (m, m'), that copy those of one with fewer pieces."""
-        coarse = spline_basis(segments)
-        return np.asarray(self._from_samples @ coarse.at(np.linspace(0, 1, self.samples)))
-
 
 @lru_cache(maxsize=16)
-def spline_basis(segments: int) -> SplineBasis:
+def spline_basis(segments: int, samples: int = 0) -> SplineBasis:
     """The basis of so many pieces, made once."""
-    return SplineBasis(segments)
+    return SplineBasis(segments, samples)

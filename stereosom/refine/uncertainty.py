@@ -8,7 +8,7 @@ from ..arrays import Floats
 from .kernels import kernels
 from .look import Look, Tube
 from .reference import pieces
-from .spline import SplineBasis
+from .spline import spline_basis
 
 # Bends that a device has: so many pieces of spline tell what the views leave open. More would
 # call bends possible that are not, fewer would smooth over what is not seen.
@@ -18,43 +18,33 @@ _PIECES = 16
 _IN_A_ROW = 4
 
 
-def control_covariance(
-    basis: SplineBasis, tube: Tube, looks: tuple[Look, Look], radius_known: bool
-) -> Floats:
-    """Covariance of the control points, (3m, 3m), mm², coordinates of each together.
+def covariance_along(tube: Tube, looks: tuple[Look, Look], radius_known: bool) -> Floats:
+    """Covariance at the samples of a tube's curve, (n, 3, 3), mm².
 
-    It is that of a spline of fewer pieces without any stiffness: what the data do not
+    It is that of a spline of not many pieces, without any stiffness: what the data do not
     determine must not look sure because the fit is smooth there.
     """
-    n = basis.count
-    matrix = np.zeros((3 * n + 1, 3 * n + 1))
+    n = len(tube.curve)
+    basis = spline_basis(_PIECES, n)
+    matrix = np.zeros((3 * basis.count + 1, 3 * basis.count + 1))
     noise = noise_variance(looks)
     for look in looks:
         # Where an edge runs aslant, one pixel of it is crossed by a row and by a column at once.
         crossings = np.abs(look.normals).sum(axis=1)
         shared = kernels().rounding(
-            look.picture, look.normals, look.weight, look.samples, look.samples // _PIECES
+            look.picture, look.normals, look.weight, n, max(n // _PIECES, 1)
         )
         weight = look.weight / crossings * noise / (noise + shared)
-        added, _ = kernels().assemble(
+        matrix += kernels().assemble(
             basis.values, basis.slopes, basis.first, tube.speed,
             look.pull, look.turn, look.grow, weight, 0.0 * weight,
-        )  # fmt: skip
-        matrix += added
-    coarse = basis.from_coarser(_PIECES)
-    lift = np.zeros((3 * n + 1, 3 * coarse.shape[1] + 1))
-    for axis in range(3):
-        lift[axis:-1:3, axis:-1:3] = coarse
-    lift[-1, -1] = 1.0
-    held = lift.T @ matrix @ lift
+        )[0]  # fmt: skip
     # No point is farther off than the curve is long: what no view sees has no larger variance.
-    length = float(np.linalg.norm(np.diff(tube.curve, axis=0), axis=1).sum())
-    held += noise / length**2 * np.eye(len(held))
+    matrix[np.diag_indices_from(matrix)] += noise / tube.length**2
     if radius_known:
-        held[-1, -1] += 1e12
-    covariance = lift @ np.linalg.inv(held) @ lift.T
-    covariance = noise * covariance[:-1, :-1]
-    return np.asarray((covariance + covariance.T) / 2)
+        matrix[-1, -1] += 1e12
+    covariance = noise * np.linalg.inv(matrix)[:-1, :-1]
+    return np.asarray(kernels().along(basis.values, basis.first, covariance))
 
 
 def noise_variance(looks: tuple[Look, Look]) -> float:
