@@ -138,6 +138,17 @@ def test_angles_about_the_patient_alone(write, enhanced_dicom):
     np.testing.assert_allclose(camera.project(POINTS), expected, atol=1e-4)
 
 
+def test_a_table_that_moves_without_its_place_about_the_isocenter_is_noted(write, enhanced_dicom):
+    moving = []
+    for position in (0.0, 10.0, 20.0):
+        moving.append(
+            enhanced_dicom.groups("A", (-30.0, 0.0), TableTopLongitudinalPosition=position)
+        )
+        del moving[-1]["IsocenterReferenceSystemSequence"]
+    acquisition = read_biplane(*write(a=moving))
+    assert any("the table moves" in note for note in acquisition.notes)
+
+
 def test_angles_that_contradict_each_other_are_noted(write, enhanced_dicom):
     groups = enhanced_dicom.groups("A", (-30.0, 0.0), PositionerPrimaryAngle=-40.0)
     acquisition = read_biplane(*write(a=[groups] * 3))

@@ -312,6 +312,34 @@ def independently(path):
             center = (header.Columns - 1) / 2, (header.Rows - 1) / 2
     except Exception:
         return None
+    return projected(primary, secondary, detector, isocenter, (rows, columns), center)
+
+
+def of_groups(path):
+    """The same from the shared functional groups of an enhanced object, the table left out."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            header = pydicom.dcmread(path, stop_before_pixels=True, force=True)
+            shared = header.SharedFunctionalGroupsSequence[0]
+            room = shared.IsocenterReferenceSystemSequence[0]
+            distances = shared.XRayGeometrySequence[0]
+            pitch = shared.FramePixelDataPropertiesSequence[0].ImagerPixelSpacing
+            return projected(
+                np.radians(float(room.PositionerIsocenterPrimaryAngle)),
+                np.radians(float(room.PositionerIsocenterSecondaryAngle)),
+                float(distances.DistanceSourceToDetector),
+                float(distances.DistanceSourceToIsocenter),
+                (float(pitch[0]), float(pitch[1])),
+                ((header.Columns - 1) / 2, (header.Rows - 1) / 2),
+                float(room.PositionerIsocenterDetectorRotationAngle),
+            )
+    except Exception:
+        return None
+
+
+def projected(primary, secondary, detector, isocenter, pitch, center, turn=0.0):
+    """Where the points fall: the standard's words, not the code under test's matrix."""
     # To the detector: to the left for LAO, to the front, to the head for cranial.
     to_detector = np.array(
         [
@@ -323,8 +351,11 @@ def independently(path):
     right = np.array([np.cos(primary), np.sin(primary), 0])
     down = np.cross(right, to_detector)
     scale = detector / (isocenter + POINTS @ to_detector)
+    x, y = scale * (POINTS @ right), scale * (POINTS @ down)
+    cos, sin = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    rows, columns = pitch
     return np.column_stack(
-        [center[0] + scale * (POINTS @ right) / columns, center[1] + scale * (POINTS @ down) / rows]
+        [center[0] + (cos * x + sin * y) / columns, center[1] + (cos * y - sin * x) / rows]
     )
 
 
@@ -362,10 +393,14 @@ def test_damaged_enhanced_files(enhanced_dicom, dicom_files, tmp_path):
     whole = a.read_bytes()
     header = whole.index(b"\xe0\x7f\x10\x00OW") + 12
     random = np.random.default_rng(5)
-    refused = 0
+    ends = {"refused": 0, "read": 0, "noted": 0}
     for _ in range(500):
         a.write_bytes(mutated(whole, random, header))
         begun = time.monotonic()
-        refused += said((a, b))[0] is None
+        seen, told = said((a, b))
         assert time.monotonic() - begun < 2
-    assert 0 < refused < 500
+        ends["refused" if seen is None else "noted" if told else "read"] += 1
+        if seen is not None and not told:
+            np.testing.assert_allclose(seen[0][0], of_groups(a), atol=1e-3)
+    print(ends)
+    assert min(ends.values()) > 0

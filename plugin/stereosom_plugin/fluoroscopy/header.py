@@ -61,6 +61,16 @@ KEYWORDS = (
 )
 
 
+# The functional groups that are asked. What an unknown sequence holds may be about anything.
+GROUPS = (
+    *("FrameContentSequence", "XAXRFFrameCharacteristicsSequence", "PositionerPositionSequence"),
+    *("TablePositionSequence", "XRayGeometrySequence", "FieldOfViewSequence"),
+    *("FramePixelDataPropertiesSequence", "PixelValueTransformationSequence"),
+    *("PatientOrientationInFrameSequence", "FrameDisplayShutterSequence"),
+    *("CollimatorShapeSequence", "FrameVOILUTSequence"),
+)
+
+
 @dataclass(frozen=True, eq=False)
 class Header:
     """The wanted elements of one DICOM file, as they hold for all of it or for one frame.
@@ -88,15 +98,14 @@ class Header:
 
     def value(self, keyword: str) -> Any:
         """An element's value as pydicom gives it, None where it is absent or empty."""
+        tag = _tag(keyword)
+        if (place := self.places.get(tag)) is None:
+            return None
+        self._check_items(place, keyword)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # odd values are judged here, not by pydicom
-                tag, value = _tag(keyword), None
-                if (place := self.places.get(tag)) is not None:
-                    self._check_items(place, keyword)
-                    value = place[tag].value
-        except InputError:
-            raise
+                value = place[tag].value
         except Exception:  # pydicom raises many kinds on malformed values
             raise self._malformed(keyword) from None
         return None if value is None or value == "" or value == [] else value
@@ -167,16 +176,11 @@ class Header:
         )
 
     def _group_places(self) -> dict[int, Any]:
-        """Elements of the first items of the sequences in a functional groups item, and these."""
+        """Elements of a functional groups item: of the first items of its groups, and these."""
         places = dict(self.places)
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                for tag, item in self.places.items():
-                    if item[tag].VR == "SQ" and len(item[tag].value) > 0:
-                        places |= _places(item[tag].value[0])
-        except Exception:  # pydicom raises many kinds on malformed values
-            raise self._malformed("PerFrameFunctionalGroupsSequence") from None
+        for keyword in GROUPS:
+            for item in self.items(keyword)[:1]:
+                places |= item.places
         return places
 
     def _check_items(self, place: Any, keyword: str) -> None:

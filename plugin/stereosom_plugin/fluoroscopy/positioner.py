@@ -20,6 +20,8 @@ DIRECTIONS = {
 SUPINE, PRONE = {"F-10340", "40199007"}, {"F-10310", "1240000"}
 HEAD_FIRST, FEET_FIRST = {"F-10470", "102540001"}, {"F-10480", "102541002"}
 
+TABLE_AXES = ("Vertical", "Longitudinal", "Lateral")
+
 # What no C-arm or laboratory rig goes beyond, mm: a length beyond it is in another unit.
 DISTANCES, PITCHES = (200.0, 5000.0), (0.01, 5.0)
 # What C-arms commonly have, mm, where nothing in the file says it.
@@ -53,6 +55,12 @@ def read_poses(
             read[id(frame)], said = _read_pose(frame, image_size)
             notes |= dict.fromkeys(said)
         poses.append(read[id(frame)])
+    tables = {
+        tuple(frame.numbers(f"TableTop{axis}Position") for axis in TABLE_AXES)
+        for frame in {id(frame): frame for frame in frames}.values()
+    }
+    if len(tables) > 1 and all(pose.table is None for pose in poses):
+        notes["the table moves; positions are about the isocenter, not in the patient"] = None
     moved, said = _moved(frames[0], poses)
     _check_orientation(frames[0], moved[0])
     return moved, [*notes, *said]
