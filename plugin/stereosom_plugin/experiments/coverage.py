@@ -242,7 +242,10 @@ def _draw(path: Path, shares: Sequence[dict[str, Any]], simulations: Sequence[Si
         axes.errorbar(0.95, 0.94, 0.04, color="black", lw=1.5, capsize=4, zorder=5)
         axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", title=title)
         axes.set(xlabel="nominal level", ylabel="share of true points in the stated region")
-    inside.legend(frameon=False, fontsize=8, loc="upper left")
+    handles, labels = inside.get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=8
+    )
     found = [(one.family, _ratio(one.found, one.bound)) for one in simulations if one.found]
     kinds = [name for name in names if name != _ALL]
     ratios = [
