@@ -58,7 +58,7 @@ def vtk_pixels(look, points, size=SIZE):
 )
 def test_a_look_projects_as_vtk_draws(look):
     points = growing_helix().sample(40)
-    look = look.fitted(points, SIZE[0] / SIZE[1]).turned(25, points.mean(axis=0))
+    look = look.fitted(points, SIZE).turned(25, points.mean(axis=0))
     np.testing.assert_allclose(look.project(points, SIZE), vtk_pixels(look, points), atol=0.02)
 
 
@@ -67,7 +67,7 @@ def test_from_a_view_one_sees_what_it_sees(camera):
     """One scale and one shift take all of the view's pixels to ours, mirroring camera or not."""
     points = RNG.normal(size=(50, 3)) * 10
     corners = looks.picture_corners(camera, 800.0 if camera.center[1] else 100.0)
-    look = looks.from_view(camera).fitted(corners, SIZE[0] / SIZE[1])
+    look = looks.from_view(camera).fitted(corners, SIZE)
     theirs, ours = camera.project(points), look.project(points, SIZE)
     ones = np.ones((50, 1))
     for k in range(2):
@@ -88,9 +88,9 @@ def test_the_best_side_of_a_flat_curve_is_square_to_it():
     assert look.parallel
     assert abs(look.towards @ normal) == pytest.approx(1, abs=1e-9)
     # Without perspective every length in that plane is shown in one scale: that of the bar.
-    flat = look.fitted(points, 1.0).project(points, SIZE)
+    flat = look.fitted(points, SIZE).project(points, SIZE)
     seen = np.linalg.norm(np.diff(flat, axis=0), axis=1).sum()
-    scale = look.fitted(points, 1.0).pixels_per_mm(points[0], SIZE[1])
+    scale = look.fitted(points, SIZE).pixels_per_mm(points[0], SIZE[1])
     assert seen / scale == pytest.approx(curve.length, rel=1e-3)
 
 
@@ -109,8 +109,8 @@ def test_what_is_fitted_fills_the_free_part(seed, aspect, from_a_view):
     points = rng.normal(size=(30, 3)) * rng.uniform(1, 40, 3)
     size = (round(600 * aspect), 600)
     look = looks.from_view(xray(30)) if from_a_view else looks.between_views(None, points)
-    x, y = look.fitted(points, size[0] / size[1]).project(points, size).T
-    left, top, right, bottom = np.array(looks.FREE) * np.tile(size, 2)
+    x, y = look.fitted(points, size).project(points, size).T
+    left, top, right, bottom = np.array(looks.free_part(size)) * np.tile(size, 2)
     np.testing.assert_array_less([left - 1, top - 1], [x.min(), y.min()])
     np.testing.assert_array_less([x.max(), y.max()], [right + 1, bottom + 1])
     touches = [abs(np.ptp(x) - (right - left)) < 1, abs(np.ptp(y) - (bottom - top)) < 1]
@@ -121,7 +121,7 @@ def test_led_around_once_the_eye_is_back_and_saw_all():
     points = growing_helix().sample(60)
     pivot = (points.min(axis=0) + points.max(axis=0)) / 2
     look = looks.between_views(converging_rig(60), points)
-    look = look.fitted(look.all_around(points, pivot), 4 / 3)
+    look = look.fitted(look.all_around(points, pivot), SIZE)
     start = look.project(points, SIZE)
     np.testing.assert_allclose(look.turned(360, pivot).project(points, SIZE), start, atol=1e-6)
     for angle in range(0, 360, 45):
@@ -136,6 +136,6 @@ def test_scale_bar_of_a_view_holds_at_the_device():
     """SOD 750 mm, focal length 300 px: a millimetre at the isocentre is 0.4 px of the view's."""
     camera = xray(0)
     corners = looks.picture_corners(camera, 800.0)
-    look = looks.from_view(camera).fitted(corners, 4 / 3)
+    look = looks.from_view(camera).fitted(corners, SIZE)
     enlarged = np.ptp(look.project(corners, SIZE)[:, 0]) / camera.image_size[0]
     assert look.pixels_per_mm(np.zeros(3), SIZE[1]) / enlarged == pytest.approx(0.4, rel=1e-6)

@@ -9,7 +9,17 @@ import numpy as np
 from stereosom.arrays import Floats
 
 from ..errors import require
-from .style import BACKGROUND, COLOR_BY, INK, LINES, Picture, colors_of, rgb, round_step, typeface
+from .style import (
+    BACKGROUND,
+    COLOR_BY,
+    INK,
+    Picture,
+    colors_of,
+    letter_height,
+    rgb,
+    round_step,
+    typeface,
+)
 
 Box = tuple[float, float, float, float]
 
@@ -32,8 +42,7 @@ class Lettering:
         self._image = image.fromarray(np.ascontiguousarray(picture))
         self._draw = draw.Draw(self._image, "RGBA")
         self.width, self.height = self._image.size
-        # A narrow picture takes smaller words, so that both corners have room for theirs.
-        self.letter: int = max(8, round(min(self.height, 0.75 * self.width) / LINES))
+        self.letter = letter_height((self.width, self.height))
         self.margin = round(1.5 * self.letter)
         self.boxes: list[Box] = []
 
@@ -74,10 +83,7 @@ class Lettering:
         image = require("PIL.Image", "vtk")
         self._image.paste(image.fromarray(np.tile(ramp, (thick, 1, 1))), (left, top))
         self.boxes.append((left, top, left + long, top + thick))
-        # So many numbers as have room, with as much room between them.
-        widest = typeface(self.letter).getlength("0.000")
-        step = round_step(limits[1] - limits[0], float(np.clip(long / (2 * widest), 1, 3)))
-        decimals = max(0, -int(np.floor(np.log10(step))))
+        step, decimals = self._ticks(limits[1] - limits[0], long)
         first = int(np.ceil(limits[0] / step - 1e-9))
         for k in range(first, int(np.floor(limits[1] / step + 1e-9)) + 1):
             x = left + (k * step - limits[0]) / (limits[1] - limits[0]) * (long - 1)
@@ -125,6 +131,7 @@ class Lettering:
         side = round(2 * (arm + 1.4 * self.letter))
         left, top = self.margin - 0.4 * self.letter, self.height - self.margin - side
         top -= 2.6 * self.letter  # above the scale bar
+        self._ground((left, top, left + side, top + side), 0)
         # Lines at an angle: drawn four times as large, so that they end up smooth.
         tile = self._image.crop((round(left), round(top), round(left) + side, round(top) + side))
         tile = tile.resize((fine * side, fine * side), image.Resampling.BOX)
@@ -191,6 +198,17 @@ class Lettering:
     def _ground(self, box: Box, pad: int) -> None:
         grown = (box[0] - pad, box[1] - pad, box[2] + pad, box[3] + pad)
         self._draw.rounded_rectangle(grown, pad, (*rgb(BACKGROUND), 215))
+
+    def _ticks(self, span: float, long: int) -> tuple[float, int]:
+        """Steps between the numbers of a bar, about three, that leave room between them."""
+        step, decimals = span, 0
+        for steps in (3, 2.5, 2, 1.5, 1):
+            step = round_step(span, steps)
+            decimals = max(0, -int(np.floor(np.log10(step) + 1e-9)))
+            widest = typeface(self.letter).getlength(f"{span:.{decimals}f}")
+            if step / span * long > widest + self.letter:
+                break
+        return step, decimals
 
     @property
     def _stroke(self) -> int:

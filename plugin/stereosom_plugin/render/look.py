@@ -11,9 +11,11 @@ from stereosom.arrays import Floats
 from stereosom.camera import Camera, StereoRig
 from stereosom.observation import picture_border
 
-# The part of a picture that things in space fill; the rest is for words. (left, top, right,
-# bottom), as shares of width and height.
-FREE = (0.06, 0.18, 0.94, 0.88)
+from .style import letter_height
+
+# Lines of small words above and below the part that things in space fill, and the share of the
+# width that is left empty on each side.
+_ABOVE, _BELOW, _BESIDE = 9.0, 6.0, 0.06
 # Below this angle the two views stand side by side, and are seen from aside.
 NARROW_DEG = 45.0
 
@@ -70,10 +72,11 @@ class Look:
         depth = 1.0 if self.parallel else self._flat(point[None])[0, 2]
         return float(height / (2 * self.half * depth))
 
-    def fitted(self, points: Floats, aspect: float) -> Look:
-        """The same eye, with the (n, 3) points filling the free part of the picture."""
+    def fitted(self, points: Floats, size: tuple[int, int]) -> Look:
+        """The same eye, with (n, 3) points filling the free part of a picture of a size."""
         x, y, _ = self._flat(points).T
-        left, top, right, bottom = FREE
+        left, top, right, bottom = free_part(size)
+        aspect = size[0] / size[1]
         half = max(
             np.ptp(x) / aspect / (2 * (right - left)), np.ptp(y) / (2 * (bottom - top)), 1e-9
         )
@@ -114,6 +117,20 @@ class Look:
         if not self.parallel:
             local[:, :2] /= local[:, 2:]
         return np.asarray(local)
+
+
+def free_part(size: tuple[int, int]) -> tuple[float, float, float, float]:
+    """The part of a picture that has no words: left, top, right, bottom, as shares of its sides.
+
+    Examples
+    --------
+    >>> free_part((1600, 1200))
+    (0.06, 0.18, 0.94, 0.88)
+    """
+    line = letter_height(size) / size[1]
+    # A picture that words would fill is shared half and half.
+    top, below = min(_ABOVE * line, 0.35), min(_BELOW * line, 0.2)
+    return (_BESIDE, top, 1 - _BESIDE, 1 - below)
 
 
 def from_view(camera: Camera) -> Look:

@@ -176,7 +176,7 @@ class Stage:
             look = looks.from_view(camera)
         if self._turning:
             fill = [look.all_around(np.vstack(fill), self._pivot)]
-        return look.fitted(np.vstack(fill), self._size[0] / self._size[1])
+        return look.fitted(np.vstack(fill), self._size)
 
     def _cameras(self, rig: StereoRig | None) -> Cameras:
         """The views whose pictures stand on the stage."""

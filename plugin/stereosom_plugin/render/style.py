@@ -31,6 +31,21 @@ COLOR_BY = {
 }
 
 
+def letter_height(size: tuple[int, int]) -> int:
+    """Height of small words in a picture of (width, height), px.
+
+    A narrow picture takes smaller words, so that both upper corners have room for theirs; but
+    no words smaller than can be read.
+
+    Examples
+    --------
+    >>> letter_height((1600, 1200)), letter_height((600, 1200)), letter_height((160, 120))
+    (24, 9, 8)
+    """
+    width, height = size
+    return max(8, round(min(height, 0.75 * width) / LINES))
+
+
 def rgb(color: str) -> tuple[int, int, int]:
     """Bytes of a color.
 
