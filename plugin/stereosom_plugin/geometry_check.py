@@ -25,7 +25,7 @@ from .segmentation import Segment, observe
 CHECKED, REFINED_FROM = 8, 30
 # Disagreement that no device explains: mm at the isocenter, and shares of the device's width.
 # Where the geometry was right, segmented clinical backgrounds gave up to 0.5 mm.
-LEAST_MM, LEAST_WIDTHS = 1.0, 1.0
+LEAST_MM, LEAST_WIDTHS = 1.0, 0.5
 
 
 def evenly(frames: Sequence[int], count: int) -> list[int]:
