@@ -172,6 +172,22 @@ def test_ros_camera_info(read, calibration_files):
     assert flat.lenses is None
 
 
+def test_ros_messages_as_they_are_printed(read, calibration_files):
+    def printed(k, d, turn, projection):
+        lists = {"k": k, "d": d, "r": turn, "p": projection}
+        lines = [f"{name}:\n" + "".join(f"- {value}\n" for value in np.ravel(values))
+                 for name, values in lists.items()]  # fmt: skip
+        return "header:\n  frame_id: left\nheight: 480\nwidth: 640\n" + "".join(lines)
+
+    files, eye = calibration_files, np.eye(3)
+    rectified = np.column_stack([files.K_A, [0, 0, 0]])
+    moved = np.column_stack([files.K_B, [-4.5, 0, 0]])
+    found = read(printed(files.K_A, files.D_A, eye, rectified),
+                 printed(files.K_B, files.D_B, eye, moved + 0.0))  # fmt: skip
+    assert found.rigs[0].baseline == pytest.approx(5)
+    assert found.rigs[0].a.image_size == (640, 480)
+
+
 def test_ros_equidistant_is_a_fisheye(read, calibration_files):
     found = read(*ros_pair(calibration_files, "equidistant"))
     assert str(found.lenses[0]) == "fisheye lens"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .content import Content, numbers
@@ -9,6 +11,10 @@ from .model import Calibration, View, assemble, lens_of
 from .settings import Settings
 
 SOURCE = "ROS camera_info"
+_OF_THE_MESSAGE = {
+    "k": "camera_matrix", "d": "distortion_coefficients", "r": "rectification_matrix",
+    "p": "projection_matrix", "width": "image_width", "height": "image_height",
+}  # fmt: skip
 _MODELS = ("plumb_bob", "rational_polynomial", "equidistant")
 
 
@@ -19,12 +25,14 @@ def read_ros(contents: list[Content], settings: Settings) -> Calibration | None:
     raw camera axes to rectified ones, P = [K' | K' t] projects from the axes of the rectified
     first camera; lengths are metres.
     """
-    if not all(_is_camera_info(content) for content in contents):
+    infos = [_camera_info(content) for content in contents]
+    if any(info is None for info in infos):
         return None
+    found = [info for info in infos if info is not None]
     if len(contents) != 2:
         raise ValueError("is one camera's camera_info; give both files, left first")
-    views = [_view(content.tree, settings) for content in contents]
-    offsets = [numbers(content.tree["projection_matrix"], "P", (3, 4)) for content in contents]
+    views = [_view(info, settings) for info in found]
+    offsets = [numbers(info["projection_matrix"], "P", (3, 4)) for info in found]
     notes = [] if settings.units else ["lengths are read as metres, as ROS has them"]
     if not np.any([matrix[:, 3] for matrix in offsets]):
         raise ValueError(
@@ -38,11 +46,15 @@ def read_ros(contents: list[Content], settings: Settings) -> Calibration | None:
     )  # fmt: skip
 
 
-def _is_camera_info(content: Content) -> bool:
-    return content.kind == "yaml" and {"camera_matrix", "projection_matrix"} <= set(content.tree)
+def _camera_info(content: Content) -> dict[str, Any] | None:
+    """The entries by their names in files; `ros2 topic echo` prints those of the message."""
+    if content.kind != "yaml":
+        return None
+    named = {_OF_THE_MESSAGE.get(key.lower(), key): value for key, value in content.tree.items()}
+    return named if {"camera_matrix", "projection_matrix"} <= set(named) else None
 
 
-def _view(info: dict[str, object], settings: Settings) -> View:
+def _view(info: dict[str, Any], settings: Settings) -> View:
     projection = numbers(info["projection_matrix"], "projection_matrix", (3, 4))
     rectified = projection[:, :3]
     moved = np.linalg.solve(rectified, projection[:, 3])
