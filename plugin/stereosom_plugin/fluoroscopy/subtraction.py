@@ -7,7 +7,7 @@ is a quotient, which is again in proportion to the light that only the changed t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import ndimage
@@ -34,21 +34,31 @@ class Subtraction:
         By which the mask is moved, px: down, right.
     averaged : int
         How many frames from the contrast frame on are averaged.
+    kept : dict
+        The mask that was made last, by its frames: most operations have one for all.
     """
 
     masks: dict[int, tuple[int, ...]]
     shift: tuple[float, float] = (0.0, 0.0)
     averaged: int = 1
+    kept: dict[tuple[int, ...], Floats] = field(default_factory=dict, compare=False, repr=False)
 
     def apply(self, read: Callable[[int], Image], frame: int) -> Image:
         """Divide a frame by its mask; `read` gives light, and frames are counted from zero."""
         contrast = _mean(read, range(frame, frame + self.averaged))
-        mask = _mean(read, self.masks[frame])
-        if any(self.shift):
-            mask = ndimage.shift(mask, self.shift, order=1, mode="nearest")
+        mask = self._mask(read, self.masks[frame])
         lit = mask > DARK * mask.max()
         share = np.divide(contrast, mask, out=np.ones_like(mask), where=lit)
         return (UNCHANGED * np.maximum(share, 0)).astype(np.float32)
+
+    def _mask(self, read: Callable[[int], Image], frames: tuple[int, ...]) -> Floats:
+        if frames not in self.kept:
+            mask = _mean(read, frames)
+            if any(self.shift):
+                mask = ndimage.shift(mask, self.shift, order=1, mode="nearest")
+            self.kept.clear()
+            self.kept[frames] = mask
+        return self.kept[frames]
 
 
 def read_subtractions(header: Header, frames: int) -> tuple[Subtraction, ...]:
