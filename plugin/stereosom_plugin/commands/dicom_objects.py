@@ -42,7 +42,8 @@ def write_dicom_objects(
         for view, masks in enumerate(_masks(acquisition, segment, frames)):
             path = folder / DICOM_MASKS[view]
             sources = (origin.frames_a, origin.frames_b)[view]
-            write_masks(masks, [sources[frame] for frame in frames], origin, path)
+            wanted = [sources[frame] for frame in frames]
+            write_masks(masks, wanted, origin, path, algorithm=arguments.segmenter)
             say(arguments, f"written {path}")
 
 

@@ -19,7 +19,7 @@ from stereosom_plugin.polydata import generator
 from .source import Origin, described, finish, highdicom, new_uid, pydicom, reference, save, stub
 
 SERIES_NUMBER = 9002
-ALGORITHM = "segment_xray"
+ALGORITHM = "xray"
 SINGLE_PICTURE = "1.2.840.10008.5.1.4.1.1.1"  # Computed Radiography Image Storage
 
 
@@ -45,7 +45,7 @@ def write_masks(
     origin : Origin
     path : path
     algorithm : str
-        Name of what segmented.
+        Name of what segmented, as `--segmenter` takes it; at most 64 characters are kept.
     created : datetime, optional
         Default: now. The same content at the same time gives the same bytes.
 
@@ -63,7 +63,8 @@ def write_masks(
     if not frames or len(bits) != len(frames):
         raise InputError(path, f"{len(bits)} masks for {len(frames)} frames", "give one each")
     source = origin.datasets[frames[0].path]
-    uids = (str(source.SOPInstanceUID), algorithm)
+    pictures = (f"{frame.path.name} {frame.number}" for frame in frames)
+    uids = (str(source.SOPInstanceUID), algorithm, *pictures)
     image = _first_frame(
         source,
         shape,
@@ -94,9 +95,10 @@ def _first_frame(source: Any, shape: tuple[int, ...], series: Any, uid: Any, alg
         del picture.NumberOfFrames
     picture.SOPClassUID = SINGLE_PICTURE  # all references are made anew for the frames
     picture.Rows, picture.Columns = shape
-    name = highdicom.AlgorithmIdentificationSequence(
-        algorithm, codes.cid7162.MorphologicalOperations, generator()
-    )
+    algorithm = algorithm.encode("ascii", "replace").decode().replace("\\", "/")[-64:]
+    learned = algorithm.lower().endswith(".onnx")
+    family = codes.cid7162.ArtificialIntelligence if learned else codes.DCM.ImageProcessing
+    name = highdicom.AlgorithmIdentificationSequence(algorithm, family, generator())
     kind = highdicom.seg.SegmentDescription(
         1, "device", codes.SCT.PhysicalObject, codes.SCT.InstrumentDevice, "AUTOMATIC", name
     )
