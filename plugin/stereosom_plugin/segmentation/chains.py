@@ -22,7 +22,10 @@ LEAST_CLEAR, LEAST_DIM = 0.08, 0.05
 SHORTEST, LONGEST_GAP = 6, 40.0
 # Two ends are linked where neither turns more than this, rad, and their absorptions have no
 # greater quotient.
-MOST_TURN, MOST_QUOTIENT = 0.8, 2.0
+MOST_TURN, MOST_QUOTIENT = 0.8, 1.5
+# A chain is also taken for two where its absorption changes by this quotient, suddenly: over so
+# many points, which are also the least of a part.
+CHANGE, PART = 1.35, 24
 _SQUARE = np.ones((3, 3), dtype=bool)
 
 
@@ -77,8 +80,26 @@ def find_chains(ridges: Ridges, field: Mask | None = None) -> list[Chain]:
         Chain(points.astype(float), ridges.absorption[tuple(points.T[::-1])].astype(float))
         for points in _pieces(thin)
     ]
-    chains = _linked(pieces)
+    chains = [part for chain in _linked(pieces) for part in (chain, *_parts(chain))]
     return sorted(chains, key=lambda chain: -chain.length * chain.typical)
+
+
+def _parts(chain: Chain) -> list[Chain]:
+    """Both parts of a chain whose absorption changes suddenly: a device that ends upon a wire."""
+    log = np.log(chain.absorption)
+    log = np.where(np.isfinite(log), log, np.nanmedian(log))
+    around = np.arange(PART, len(log) - PART)
+    if len(around) == 0:
+        return []
+    smooth = ndimage.median_filter(log, 15)
+    change = np.abs(smooth[around + PART // 2] - smooth[around - PART // 2])
+    at = int(around[np.argmax(change)])
+    before, behind = np.median(log[:at]), np.median(log[at:])
+    if abs(before - behind) < np.log(CHANGE):
+        return []
+    return [
+        Chain(chain.points[part], chain.absorption[part]) for part in (slice(at), slice(at, None))
+    ]
 
 
 def _pieces(thin: Mask) -> list[npt.NDArray[np.int_]]:
@@ -125,7 +146,9 @@ def _linked(pieces: list[Chain]) -> list[Chain]:
         return []
     ends = np.array([chain.points[side] for chain in pieces for side in (0, -1)])
     outward = np.array([_outward(chain.points[::step]) for chain in pieces for step in (1, -1)])
-    typical = np.repeat([chain.typical for chain in pieces], 2)
+    typical = np.array(
+        [_absorption_at_end(chain.absorption[::step]) for chain in pieces for step in (1, -1)]
+    )
     length = np.repeat([chain.length for chain in pieces], 2)
     one, two = np.triu_indices(len(ends), 1)
     near = (one // 2 != two // 2) & (
@@ -177,6 +200,12 @@ def _join(
         absorption.append(piece.absorption[::step])
         end = partner[end + step]
     return Chain(np.concatenate(points), np.concatenate(absorption))
+
+
+def _absorption_at_end(absorption: Floats) -> float:
+    """Absorption near the first point of a piece, without what a crossing there adds to it."""
+    near = absorption[min(10, len(absorption) // 2) : 30]
+    return float(np.median(near))
 
 
 def _outward(points: Floats) -> Floats:

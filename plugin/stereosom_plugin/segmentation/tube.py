@@ -223,6 +223,13 @@ def _center(darkness: Floats, across: Floats, half: float, first: float, last: f
     weight = weight**2  # the device, not what lies beside it
     center = weight @ across[near] / np.maximum(weight.sum(axis=1), 1e-6)
     begin, end = int(np.ceil(first)) + 1, max(int(last) - 1, int(first) + 6)
+    # Where something bright hides the device, its center lies between those beside the gap.
+    strength = weight.sum(axis=1)
+    shown = strength >= 0.15 * np.median(strength[begin:end])
+    if shown[begin:end].any():
+        steps = np.arange(len(center))
+        seen = steps[begin:end][shown[begin:end]]
+        center = np.interp(steps, seen, center[seen])
     inner = ndimage.median_filter(center[begin:end], 7, mode="nearest")
     # Mirrored through its ends, a line keeps its direction there when it is smoothed.
     count = min(12, len(inner) - 1)
