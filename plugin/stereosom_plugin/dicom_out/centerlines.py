@@ -25,10 +25,9 @@ from .source import Origin, described, finish, highdicom, new_uid, reference, sa
 SERIES_NUMBER = 9001  # apart from what an X-ray system counts; numbers need not be unique
 
 COORDINATES = {
-    "isocenter_lps": "Coordinates are mm about the isocenter of the C-arms, not of a patient "
-    "coordinate system of another examination: x to the patient's left, y to the back, z to the "
-    "head, as the positioner angles tell them for a patient who lies head first, supine, on a "
-    "level table. They move with the patient only as far as the table and the patient rest.",
+    "isocenter_lps": "Coordinates are mm about the point that lay in the isocenter of the C-arms "
+    "in the first frame, not in the coordinate system of another examination: x to the patient's "
+    "left, y to the back, z to the head, as positioner, table and patient position say.",
     "patient_lps": "Coordinates are mm in the patient: x to the left, y to the back, z to the "
     "head.",
 }
