@@ -143,13 +143,12 @@ def groups(letter: str, angles: tuple[float, float], **changes) -> dict[str, dic
             "CollimatorUpperHorizontalEdge": "-100",
             "CollimatorLowerHorizontalEdge": "5000",
         },
-        "PixelIntensityRelationshipLUTSequence": None,
     }
     for keyword, value in changes.items():
         for group in described.values():
-            if group is not None and keyword in group:
+            if keyword in group:
                 group[keyword] = value
-    return {name: group for name, group in described.items() if group is not None}
+    return described
 
 
 def enhanced(
