@@ -29,6 +29,8 @@ END_SHARE = 0.55
 # How far beyond the last point of a chain its end is looked for, px.
 REACH = 16
 PASSES = 7
+# A chain may fall short of the device's end by so many steps; beyond, this share is asked for.
+MOST_GROWTH, AS_DARK = 14.0, 0.85
 # Knots of the chords that make a profile, of half a width.
 _OFFSETS = (np.arange(24) + 0.5) / 24
 
@@ -88,12 +90,15 @@ def fit_tube(
         return None
     half = greatest_width / 2
     last_size = 0.0
+    grown = [0.0, 0.0]
     for attempt in range(PASSES):
         longer = _extended(line, REACH, smooth=4.0 if attempt == 0 else 1.5)
         darkness, across = _straightened(picture, longer, half)
         half = _half_width(darkness[REACH:-REACH], across)
-        before = _end(darkness[::-1], across, half, enters[0])
-        behind = _end(darkness, across, half, enters[1])
+        before, behind = (
+            _end(way, across, half, enters[side], grown[side])
+            for side, way in enumerate((darkness[::-1], darkness))
+        )
         size = before + behind - len(longer)
         settled = attempt >= 2 and abs(size - last_size) < 0.1
         last_size = size
@@ -102,6 +107,8 @@ def fit_tube(
             return None
         if settled or attempt == PASSES - 1:
             break
+        for side, reached in enumerate((before, behind)):
+            grown[side] += reached - (len(longer) - 1 - REACH)
         center = _center(darkness, across, half, first, last)
         line = longer + center[:, None] * _normals(longer)
         line = _even(line[max(0, int(first)) : int(np.ceil(last)) + 1])
@@ -244,8 +251,12 @@ def _center(darkness: Floats, across: Floats, half: float, first: float, last: f
     return np.concatenate([before, inner, behind])
 
 
-def _end(darkness: Floats, across: Floats, half: float, enters: bool) -> float:
-    """Where the tube ends, in steps; the last step where it goes on beyond what is searched."""
+def _end(darkness: Floats, across: Floats, half: float, enters: bool, grown: float = 0.0) -> float:
+    """Where the tube ends, in steps; the last step where it goes on beyond what is searched.
+
+    What has `grown` beyond the chain by many steps must be as dark as the device: it may be a
+    wire that the device's end lies upon.
+    """
     last = len(darkness) - 1
     if enters:
         return float(last - REACH)
@@ -253,7 +264,7 @@ def _end(darkness: Floats, across: Floats, half: float, enters: bool) -> float:
     taken = 1 - np.exp(-np.median(darkness[:, core], axis=1))
     smooth = ndimage.gaussian_filter1d(taken, 0.8)
     usual = float(np.median(smooth[REACH:-REACH]))
-    present = smooth >= END_SHARE * usual
+    present = smooth >= (END_SHARE if grown < MOST_GROWTH else AS_DARK) * usual
     # The outermost step that most of the steps before it agree with: a short fade (something
     # bright behind) is no end, and what is fainter beyond the end does not belong to it.
     agree = ndimage.uniform_filter1d(present.astype(float), 21, origin=10, mode="nearest")
