@@ -10,6 +10,7 @@ Three lines in a notebook:
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,16 +20,19 @@ from stereosom.observation import Observation
 from stereosom.options import Options, Prior
 from stereosom.reconstruct import DEFAULT_METHOD, reconstruct
 
-from .calibration import read_rig
+from .acquisition import Acquisition
+from .calibration import Calibration, read_calibration
 from .errors import InputError, require
 from .polydata import to_polydata
-from .segmentation import Segment, binary, segment_xray
+from .segmentation import Segment, binary, observe, segment_xray
+from .vtk_images import picture_of, to_image
 
 vtk_core = require("vtkmodules.vtkCommonCore", "vtk")
 vtk_data = require("vtkmodules.vtkCommonDataModel", "vtk")
 vtk_execution = require("vtkmodules.vtkCommonExecutionModel", "vtk")
-numpy_support = require("vtkmodules.util.numpy_support", "vtk")
 _Base: Any = require("vtkmodules.util.vtkAlgorithm", "vtk").VTKPythonAlgorithmBase
+
+__all__ = ["SEGMENTERS", "centerline", "to_image", "vtkStereoSOM"]
 
 SEGMENTERS: dict[str, Segment] = {"mask": binary, "xray": segment_xray}
 _USER_ERROR = 40000  # vtkErrorCode::UserError
@@ -86,7 +90,7 @@ class vtkStereoSOM(_Base):  # type: ignore[misc]
     # ---- properties: checked when the filter runs, so that no setter raises ----------
 
     def SetRigFile(self, path: str | None) -> None:
-        """Take the geometry of both views from a `rig.json`."""
+        """Take the geometry of both views from a `rig.json` or another calibration file."""
         self._set("_rig_file", str(path or ""))
 
     def SetRig(self, rig: StereoRig | None) -> None:
@@ -214,18 +218,15 @@ class vtkStereoSOM(_Base):  # type: ignore[misc]
         self._reason, self._error_code = "", 0
         index, time = _wanted(_time_steps(inputs), outputs)
         images = [
-            self._picture(vtk_data.vtkImageData.GetData(inputs[port]), view)
+            picture_of(vtk_data.vtkImageData.GetData(inputs[port]), view, top_down=self._top_down)
             for port, view in enumerate("ab")
         ]
-        rig = self._rig_at(index, [image.shape for image in images])
+        calibration = self._calibration([image.shape for image in images])
         self.UpdateProgress(0.1)
-        masks = []
-        for image, progress in zip(images, (0.25, 0.4), strict=True):
-            masks.append(self._segment(image))
-            self.UpdateProgress(progress)
-            if self.GetAbortExecute():
-                return
-        observation = Observation.from_masks(masks[0], masks[1], rig, time=time, index=index)
+        observation = self._observed(images, calibration, index, time)
+        self.UpdateProgress(0.4)
+        if self.GetAbortExecute():
+            return
         result = reconstruct(observation, method=self._method, options=self._options())
         if not result.ok:
             raise ValueError(f"frame {index}, {time:g} s: {result.status}: {result.reason}")
@@ -244,66 +245,49 @@ class vtkStereoSOM(_Base):  # type: ignore[misc]
             Prior(self._base, self._direction, self._length or None, self._radius or None)
         )
 
-    def _segment(self, image: Any) -> Any:
-        if callable(self._segmenter):
-            return self._segmenter(image)
-        if self._segmenter not in SEGMENTERS:
-            raise InputError(
-                "Segmenter", f"there is no {self._segmenter!r}", f"give {' or '.join(SEGMENTERS)}"
-            )
-        return SEGMENTERS[self._segmenter](image)
-
-    def _rig_at(self, index: int, shapes: list[Any]) -> StereoRig:
-        """The rig of a time step: from Python, from matrices, or from a file."""
-        if self._rig is not None:
-            return self._rig
-        a, b = self._projections
-        if a is not None and b is not None:
-            for name, matrix in (("ProjectionA", a), ("ProjectionB", b)):
-                if len(matrix) != 12:
-                    raise InputError(name, f"has {len(matrix)} numbers", "give 3×4, by rows")
-            sizes = [(columns, rows) for rows, columns in shapes]
-            return StereoRig.from_projections(
-                np.reshape(a, (3, 4)), np.reshape(b, (3, 4)), sizes[0], sizes[1]
-            )
-        if not self._rig_file:
-            raise InputError(
-                "the rig",
-                "is not given, so nothing tells where the views stood",
-                "set RigFile to a rig.json, or ProjectionA and ProjectionB",
-            )
-        rigs = read_rig(self._rig_file)
+    def _observed(
+        self, images: list[Any], calibration: Calibration, index: int, time: float
+    ) -> Observation:
+        """The device's pixels in both views, free of lens distortion."""
+        segmenter = self._segmenter
+        if not callable(segmenter):
+            if segmenter not in SEGMENTERS:
+                choice = " or ".join(SEGMENTERS)
+                raise InputError("Segmenter", f"there is no {segmenter!r}", f"give {choice}")
+            segmenter = SEGMENTERS[segmenter]
+        rigs, lenses = calibration.rigs, calibration.lenses
         if len(rigs) > 1 and index >= len(rigs):
             raise InputError(
                 self._rig_file,
                 f"has {len(rigs)} projections, frame {index} is wanted",
                 "give one, or one per frame",
             )
-        return rigs[index if len(rigs) > 1 else 0]
+        pair = (images[0], images[1])
+        rig = rigs[index if len(rigs) > 1 else 0]
+        one_frame = Acquisition(lambda _: pair, (rig,), np.array([time]), lenses=lenses)
+        return replace(next(observe(one_frame, segmenter)), index=index)
 
-    def _picture(self, image: Any, view: str) -> Any:
-        """Gray values of image data, (rows, columns), the top row first."""
-        columns, rows, slices = image.GetDimensions() if image is not None else (0, 0, 0)
-        if columns * rows * slices == 0:
-            raise InputError(
-                f"view {view}", "holds no picture", "give image data that is not empty"
+    def _calibration(self, shapes: list[Any]) -> Calibration:
+        """Rigs and lenses: from Python, from matrices, or from a file."""
+        if self._rig is not None:
+            return Calibration((self._rig,), None, "Python")
+        a, b = self._projections
+        if a is not None and b is not None:
+            for name, matrix in (("ProjectionA", a), ("ProjectionB", b)):
+                if len(matrix) != 12:
+                    raise InputError(name, f"has {len(matrix)} numbers", "give 3×4, by rows")
+            sizes = [(columns, rows) for rows, columns in shapes]
+            rig = StereoRig.from_projections(
+                np.reshape(a, (3, 4)), np.reshape(b, (3, 4)), sizes[0], sizes[1]
             )
-        if slices != 1:
+            return Calibration((rig,), None, "matrices")
+        if not self._rig_file:
             raise InputError(
-                f"view {view}",
-                f"is a volume of {slices} slices",
-                "give one picture at a time (vtkExtractVOI, or a time series)",
+                "the rig",
+                "is not given, so nothing tells where the views stood",
+                "set RigFile to a rig.json, or ProjectionA and ProjectionB",
             )
-        scalars = image.GetPointData().GetScalars()
-        if scalars is None:
-            raise InputError(
-                f"view {view}", "has no point scalars", "give a picture with active point scalars"
-            )
-        values = numpy_support.vtk_to_numpy(scalars)
-        if values.ndim == 2:  # color, with or without opacity: gray is the mean of what is seen
-            values = values[:, : 3 if values.shape[1] > 2 else 1].mean(axis=1)
-        picture = values.reshape(rows, columns)
-        return picture if self._top_down else picture[::-1]
+        return read_calibration(self._rig_file)
 
 
 def centerline(image_a: Any, image_b: Any, **properties: Any) -> Any:
@@ -346,17 +330,6 @@ def centerline(image_a: Any, image_b: Any, **properties: Any) -> Any:
         why, _, mend = rest.partition("; ")
         raise InputError(what, why or "no result", mend or "look at both pictures")
     return require("pyvista", "vtk").wrap(som.GetOutputDataObject(0))
-
-
-def to_image(picture: Any) -> Any:
-    """Make `vtkImageData` of an array (rows, columns), top row first, as VTK's readers do."""
-    picture = np.asarray(picture)
-    kept = picture.astype(np.uint8) * 255 if picture.dtype == bool else picture
-    image = vtk_data.vtkImageData()
-    image.SetDimensions(kept.shape[1], kept.shape[0], 1)
-    array = numpy_support.numpy_to_vtk(np.ascontiguousarray(kept[::-1]).ravel(), deep=True)
-    image.GetPointData().SetScalars(array)
-    return image
 
 
 def _numbers(values: Sequence[Any]) -> Any:

@@ -86,5 +86,5 @@ def test_the_filter_follows_paraviews_time(seen):
 def test_the_filters_error_is_one_line_and_paraview_lives_on(seen):
     found, errors, _ = seen
     assert found["filter"]["refused"] == 0
-    assert "missing.json: cannot be read" in errors
+    assert "missing.json: no such file" in errors
     assert "Traceback" not in errors
