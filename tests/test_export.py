@@ -1,8 +1,11 @@
 """Results in the files of other programs, read back by readers that are not ours."""
 
 import json
+import os
 import re
 import struct
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 import zipfile
 from dataclasses import replace
@@ -355,3 +358,30 @@ def test_full_disk_leaves_nothing(tmp_path, suffix, monkeypatch):
 
 def test_the_viewer_ships():
     assert Path(polydata.__file__).with_name("exports").joinpath("viewer.html").is_file()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no such limit")
+def test_no_room_is_one_line(run, tmp_path):
+    """In a process that may write no file of more than 8 kB, as on a disk that is full."""
+    limited = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192));"
+        "from stereosom_plugin.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    (tmp_path / "out").mkdir()
+    words = ["export", str(run / "centerline_0000.vtp"), "--output", f"{tmp_path}/out/x.html"]
+    # The child that reads the .vtp passes arrays through a file: it reads one in this process.
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            limited.replace("sys.exit", "sys.executable = ''; sys.exit"),
+            *words,
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert "cannot be written (File too large)" in line
+    assert not list((tmp_path / "out").iterdir())

@@ -255,9 +255,11 @@ def test_what_is_no_vtp_is_refused(tmp_path, capfd, text):
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
+@pytest.mark.parametrize(
+    ("mode", "encoded"),
+    [("Ascii", True), ("Binary", True), ("Appended", True), ("Appended", False)],
+)
 @pytest.mark.parametrize("compressor", ["None", "LZ4", "ZLib", "LZMA"])
-@pytest.mark.parametrize("encoded", [True, False])
 @pytest.mark.parametrize(("byte_order", "size"), [("LittleEndian", 64), ("BigEndian", 32)])
 def test_every_way_to_write_a_vtp_is_read(tmp_path, mode, compressor, encoded, byte_order, size):
     """ParaView's default, for one, is raw appended data."""
