@@ -18,7 +18,7 @@ from stereosom.camera import Camera, StereoRig
 from stereosom_plugin.acquisition import Acquisition
 from stereosom_plugin.segmentation import observe
 
-SIZE, FRAMES = 512, 4
+SIZE, FRAMES = 512, 3
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def wires(view, darkness):
     if view == "a":
         lines = [np.hstack([at, 330 + bow]), np.hstack([120 + 0.4 * at, at])]
     else:
-        lines = [np.hstack([at, 120 + 0.3 * at + bow]), np.hstack([430 - 0.5 * at, at])]
+        lines = [np.hstack([at, 60 + 0.1 * at + 0.5 * bow]), np.hstack([430 - 0.5 * at, at])]
     return np.prod([light_of(line, 2.5, 1.2 * darkness) for line in lines], axis=0)
 
 
