@@ -244,17 +244,73 @@ def test_the_command_writes_all_three(sample, tmp_path, capsys):
         assert masks.any(axis=(1, 2)).all()
 
 
+@pytest.fixture(params=["series", "both in one", "enhanced"])
+def other_run(request, dicom_files, enhanced_dicom, tmp_path):
+    """Three frames of each plane as other vendors store them."""
+    pictures = dicom_files.gray_frames(3)
+    if request.param == "series":
+        dicom_files.write_series(tmp_path / "run", 3)
+    elif request.param == "both in one":
+        dicom_files.write_both(tmp_path / "run" / "ab.dcm", pictures, pictures, turns=True)
+    else:
+        enhanced_dicom.write_enhanced_pair(tmp_path / "run", pictures, pictures)
+    acquisition = read_biplane(tmp_path / "run")
+    return acquisition, read_origin(acquisition)
+
+
+def test_however_the_run_is_stored_the_pictures_referred_to_are_the_right_ones(other_run, tmp_path):
+    acquisition, origin = other_run
+    write_masks(np.ones((3, 24, 32), dtype=bool), origin.frames_b, origin, tmp_path / "m.dcm")
+    document = written(other_run, tmp_path / "c.dcm")
+    seen = [[item.ReferencedSOPSequence[0] for item in of_kind(group[0], "IMAGE")]
+            for group in groups(document)]  # fmt: skip
+    masks = highdicom.seg.segread(tmp_path / "m.dcm").PerFrameFunctionalGroupsSequence
+    for frame, (images, mask) in enumerate(zip(seen, masks, strict=True)):
+        pair = acquisition[frame]
+        of_mask = mask.DerivationImageSequence[0].SourceImageSequence[0]
+        for reference, picture in zip(
+            (*images, of_mask), (pair.image_a, pair.image_b, pair.image_b), strict=True
+        ):
+            assert np.array_equal(stored_picture(acquisition, reference), picture)
+
+
+def stored_picture(acquisition, reference):
+    """What pydicom reads where a reference points."""
+    for path in acquisition.sources:
+        dataset = pydicom.dcmread(path)
+        if dataset.SOPInstanceUID == reference.ReferencedSOPInstanceUID:
+            number = reference.get("ReferencedFrameNumber")
+            return dataset.pixel_array if number is None else dataset.pixel_array[number - 1]
+    raise AssertionError("the reference leads nowhere")
+
+
+@pytest.mark.interop
+def test_dciodvfy_finds_no_error_however_the_run_is_stored(other_run, tmp_path):
+    _, origin = other_run
+    written(other_run, tmp_path / "c.dcm")
+    for name, frames in (("a", origin.frames_a), ("b", origin.frames_b)):
+        write_masks(np.ones((3, 24, 32), dtype=bool), frames, origin, tmp_path / f"{name}.dcm")
+    check_by_dciodvfy(tmp_path)
+
+
 @pytest.mark.interop
 def test_dciodvfy_finds_no_error(run, tmp_path):
     """David Clunie's validator, package dicom3tools, knows the standard's modules."""
-    if not (program := shutil.which("dciodvfy")):
-        pytest.skip("dciodvfy is not here (Debian: apt-get install dicom3tools)")
     _, origin = run
     written(run, tmp_path / "c.dcm", predicted=[1], notes=["a note"])
     masks = np.random.default_rng(0).random((3, 24, 32)) < 0.3
     write_masks(masks, origin.frames_a, origin, tmp_path / "a.dcm")
     write_masks(masks[:1], origin.frames_b[:1], origin, tmp_path / "b.dcm")
-    for path in tmp_path.glob("?.dcm"):
+    check_by_dciodvfy(tmp_path)
+
+
+def check_by_dciodvfy(folder):
+    """All three objects of a folder, by name of one letter."""
+    if not (program := shutil.which("dciodvfy")):
+        pytest.skip("dciodvfy is not here (Debian: apt-get install dicom3tools)")
+    paths = list(folder.glob("?.dcm"))
+    assert len(paths) == 3
+    for path in paths:
         said = subprocess.run([program, "-new", path], capture_output=True, text=True, timeout=60)
         assert "Error" not in said.stderr + said.stdout, said.stderr
         assert said.returncode == 0
