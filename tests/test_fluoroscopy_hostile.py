@@ -6,6 +6,7 @@ come with a note.
 
 from __future__ import annotations
 
+import itertools
 import resource
 import time
 import warnings
@@ -42,6 +43,14 @@ GROUPED = {
     "FramePixelDataPropertiesSequence": ("ImagerPixelSpacing", "PixelIntensityRelationshipSign"),
 }
 TEXTS = [b"one ", b"nan ", b"-inf", b"1e999 ", b"400 ", b"-400", b"0 ", b"-1", b"1e9 ", b"1\\2\\3 "]
+
+
+@pytest.fixture(autouse=True)
+def the_same_files_every_time(monkeypatch, dicom_files, enhanced_dicom):
+    """Damage falls on the same bytes in every run of the tests."""
+    numbers = itertools.count(10**9)
+    for module in (dicom_files, enhanced_dicom):
+        monkeypatch.setattr(module, "generate_uid", lambda: f"1.2.826.0.1.{next(numbers)}")
 
 
 def said(given):

@@ -101,11 +101,13 @@ class Header:
         tag = _tag(keyword)
         if (place := self.places.get(tag)) is None:
             return None
-        self._check_items(place, keyword)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # odd values are judged here, not by pydicom
+                self._check_items(place, keyword)
                 value = place[tag].value
+        except InputError:
+            raise
         except Exception:  # pydicom raises many kinds on malformed values
             raise self._malformed(keyword) from None
         return None if value is None or value == "" or value == [] else value
