@@ -17,6 +17,8 @@ _End = tuple[int, bool]
 _SHARPEST_TURN = 2.0
 # Gaps up to this many widths are bridged, where the turns in all are no more than this, rad.
 _WIDEST_GAP, _STRAIGHT_ON = 8.0, 1.2
+# Over a short gap, in widths, such as a hole in the mask leaves, it may turn as far as this.
+_SHORT_GAP, _AROUND = 3.5, 2.5
 
 
 def longest_route(chains: list[Chain], width: float) -> Floats:
@@ -136,7 +138,8 @@ def _bridge_gaps(routes: list[Floats], width: float) -> Floats:
                 for ahead in (route, route[::-1]):
                     gap = float(np.linalg.norm(ahead[0] - whole[-1]))
                     turn = _turn(here, _arrival(ahead[::-1], width))
-                    if gap < _WIDEST_GAP * width and turn < _STRAIGHT_ON:
+                    short = gap < _SHORT_GAP * width and turn < _AROUND
+                    if short or (gap < _WIDEST_GAP * width and turn < _STRAIGHT_ON):
                         candidates.append((gap, place, ahead))
             if not candidates:
                 break
