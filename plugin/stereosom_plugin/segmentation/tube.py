@@ -7,7 +7,7 @@ center gives the middle line, its shape the width, its end along the line the ti
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
@@ -358,13 +358,3 @@ def edge_share(tube: Tube, further_blur: float = 0.0) -> float:
     radius = float(np.median(tube.radius))
     axis, edge = _blurred_chords(np.array([0.0, radius]), radius, tube.absorption, blur)
     return float(edge / axis)
-
-
-def scaled(tube: Tube, factor: float) -> Tube:
-    """The same tube in a picture whose pixels are `factor` times as small."""
-    return replace(
-        tube,
-        line=(tube.line + 0.5) * factor - 0.5,
-        radius=tube.radius * factor,
-        blur=tube.blur * factor,
-    )
