@@ -68,8 +68,9 @@ class Film(VTKPythonAlgorithmBase):
 
     def RequestInformation(self, request, inputs, outputs):
         information = outputs.GetInformationObject(0)
-        information.Set(Pipeline.TIME_STEPS(), self.times, len(self.times))
-        information.Set(Pipeline.TIME_RANGE(), (self.times[0], self.times[-1]), 2)
+        if self.times:
+            information.Set(Pipeline.TIME_STEPS(), self.times, len(self.times))
+            information.Set(Pipeline.TIME_RANGE(), (self.times[0], self.times[-1]), 2)
         width, height, _ = self.images[0].GetDimensions()
         information.Set(Pipeline.WHOLE_EXTENT(), (0, width - 1, 0, height - 1, 0, 0), 6)
         return 1
@@ -77,7 +78,8 @@ class Film(VTKPythonAlgorithmBase):
     def RequestData(self, request, inputs, outputs):
         time = outputs.GetInformationObject(0).Get(Pipeline.UPDATE_TIME_STEP())
         self.asked.append(time)
-        vtkImageData.GetData(outputs).ShallowCopy(self.images[self.times.index(time)])
+        shown = self.times.index(time) if self.times else 0
+        vtkImageData.GetData(outputs).ShallowCopy(self.images[shown])
         return 1
 
 
@@ -427,3 +429,12 @@ def test_pyvista_users_get_a_python_error(masks):
         centerline(*masks[0])
     with pytest.raises(InputError, match="no property"):
         centerline(*masks[0], Rigg=RIG)
+
+
+def test_a_series_that_names_no_times_is_one_picture(masks):
+    som, sources = vtkStereoSOM(), [Film([image], []) for image in masks[0]]
+    som.SetRig(RIG)
+    for port, source in enumerate(sources):
+        som.SetInputConnection(port, source.GetOutputPort())
+    som.Update()
+    assert length(som.GetOutputDataObject(0)) == pytest.approx(LENGTHS[0], abs=1.0)

@@ -345,7 +345,8 @@ def _time_steps(inputs: Any) -> list[tuple[float, ...]]:
     for port in range(2):
         information = inputs[port].GetInformationObject(0)
         key = _pipeline.TIME_STEPS()
-        steps.append(tuple(information.Get(key)) if information and information.Has(key) else ())
+        has_times = information is not None and information.Has(key)
+        steps.append(tuple(information.Get(key) or ()) if has_times else ())
     counts = {len(times) for times in steps} - {0, 1}
     if len(counts) > 1:
         raise InputError(
