@@ -129,7 +129,7 @@ def refine_rig(
     widths = [line.width for _, a, b in frames for line in (a, b)] or [0.0]
     noise = _NOISE_PX + _NOISE_WIDTHS * float(np.median(widths))
     for step in range(_STEPS):
-        now = [corrected(rig, state * deviation, pivot) for rig in rigs]
+        now = _all_corrected(rigs, state * deviation, pivot)
         places = all_places(now, frames)
         if len(places.frame) < LEAST_PLACES:
             raise HardFrame(
@@ -142,7 +142,7 @@ def refine_rig(
         slope = np.empty((len(error), 14))
         for i in range(14):
             nudged = state + 1e-3 * np.eye(14)[i]
-            there = [corrected(rig, nudged * deviation, pivot) for rig in rigs]
+            there = _all_corrected(rigs, nudged * deviation, pivot)
             slope[:, i] = (sampson(there, places) - error) / 1e-3
         scale = max(noise, 1.4826 * float(np.median(np.abs(error))))
         weight = 1 / (1 + (error / (2.385 * scale)) ** 2) / scale**2
@@ -152,7 +152,7 @@ def refine_rig(
         state = state + move
         if np.abs(move).max() < _SMALL_STEP:
             break
-    now = [corrected(rig, state * deviation, pivot) for rig in rigs]
+    now = _all_corrected(rigs, state * deviation, pivot)
     after = epipolar_distance(now, all_places(now, frames))
     left = np.sqrt(np.diag(np.linalg.inv(information)))
     unit = np.where(IN_DEGREES, np.degrees(deviation), deviation)
@@ -200,3 +200,10 @@ def agreement(observations: Iterable[Observation]) -> Agreement:
     widths = [line.width for _, a, b in frames for line in (a, b)]
     width = float(np.median(widths)) if widths else float("nan")
     return Agreement(epipolar_distance(rigs, places), len(places.frame), width)
+
+
+def _all_corrected(rigs: list[StereoRig], parameters: Floats, pivot: Floats) -> list[StereoRig]:
+    """Correct each rig once, however many frames share it."""
+    once = {id(rig): rig for rig in rigs}
+    done = {key: corrected(rig, parameters, pivot) for key, rig in once.items()}
+    return [done[id(rig)] for rig in rigs]
