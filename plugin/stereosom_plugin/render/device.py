@@ -60,21 +60,26 @@ def shape_of(line: Centerline, color_by: str | None) -> Shape:
         Where the centerline does not hold what shall color it.
     """
     backbone = line.backbone
-    s = backbone.arc_lengths(min(max(len(line.points), 2), _POINTS))
     places = np.linspace(0, 1, len(line.points))
     # Files of others may have uneven steps: their arrays stand at their own arc lengths.
     steps = np.linalg.norm(np.diff(line.points, axis=0), axis=1)
     if steps.sum() > 0:
         places = np.concatenate([[0], np.cumsum(steps)]) / steps.sum()
+    stored = _stored_frames(line)
+    if stored is None:
+        s = backbone.arc_lengths(min(len(line.points), _POINTS))
+        at, points = s / backbone.length, backbone(s)
+        _, across_1, across_2 = np.moveaxis(backbone.frames(s), 1, 0)
+    else:  # as our own files have them: nothing needs to be worked out
+        at, points = places, line.points
+        across_1, across_2 = stored
 
     def along(name: str) -> Floats | None:
         values = line.arrays.get(name)
         if values is None or values.ndim != 1 or not np.isfinite(values).any():
             return None
-        return np.asarray(np.interp(s / backbone.length, places, values))
+        return np.asarray(np.interp(at, places, values))
 
-    _, across_1, across_2 = np.moveaxis(backbone.frames(s), 1, 0)
-    points = backbone(s)
     radius = along("Radius")
     if radius is None:
         radius = along("MaximumInscribedSphereRadius")
@@ -86,11 +91,11 @@ def shape_of(line: Centerline, color_by: str | None) -> Shape:
         across_2,
         radius
         if radius is not None and known
-        else np.full(len(s), _ASSUMED_RADIUS * extent(points)),
+        else np.full(len(at), _ASSUMED_RADIUS * extent(points)),
         known,
-        _spread(line, places, s / backbone.length, across_1, across_2),
-        np.ones(len(s), dtype=bool) if determined is None else determined > 0.5,
-        None if color_by is None else _values(line, color_by, along(color_by), len(s)),
+        _spread(line, places, at, across_1, across_2),
+        np.ones(len(at), dtype=bool) if determined is None else determined > 0.5,
+        None if color_by is None else _values(line, color_by, along(color_by), len(at)),
     )
 
 
@@ -148,6 +153,21 @@ def _swept(shape: Shape, outline: Floats) -> Any:
     if shape.values is not None:
         mesh["values"] = np.repeat(np.where(shape.determined, shape.values, np.nan), m)
     return mesh
+
+
+def _stored_frames(line: Centerline) -> tuple[Floats, Floats] | None:
+    """Two unit vectors across the curve at each point, where the file holds sound ones."""
+    wanted = [line.arrays.get(name) for name in ("FrenetTangent", "ParallelTransportNormals")]
+    if len(line.points) > _POINTS or any(w is None or w.shape != line.points.shape for w in wanted):
+        return None
+    tangent, normal = (np.asarray(array, dtype=float) for array in wanted)
+    second = np.cross(tangent, normal)
+    length = np.linalg.norm(second, axis=1)
+    if not np.all(length > 0.9):  # not unit vectors, not at right angles, or no numbers
+        return None
+    second = second / length[:, None]
+    first = np.cross(second, tangent)
+    return first / np.linalg.norm(first, axis=1, keepdims=True), second
 
 
 def _values(line: Centerline, color_by: str, found: Floats | None, count: int) -> Floats:

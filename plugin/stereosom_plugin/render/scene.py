@@ -43,6 +43,7 @@ _FINE = 2
 _BALL = 1.4
 # Every so many points of the device's surface are enough to keep words off it.
 _SEEN = 6
+_UNIT_BALL = pv.Sphere(radius=1.0)
 Cameras = list[tuple[str, Camera]]
 
 
@@ -224,7 +225,8 @@ class Stage:
             self._put("envelope", around, color=ENVELOPE, opacity=0.35, culling="front",
                       scalars=None, lighting=False)  # fmt: skip
         for end, name in ((0, "base"), (-1, "tip")):
-            ball = pv.Sphere(radius=_BALL * shape.radius[end], center=shape.points[end])
+            ball = _UNIT_BALL.copy()
+            ball.points = shape.points[end] + _BALL * shape.radius[end] * _UNIT_BALL.points
             self._put(name, ball, color=INK if end else "white", specular=0.3, smooth_shading=True)
 
     def _colored(self, shape: Shape, colored: bool) -> Any:

@@ -71,7 +71,8 @@ def picture_depths(points: Floats, rig: StereoRig, reach: float = 0.0) -> tuple[
         depth_a, depth_b = nearest[0] + (0 if narrow else gap), nearest[1] + gap
         past_b = rig.b.depth(picture_corners(rig.a, depth_a)) - depth_b
         past_a = rig.a.depth(picture_corners(rig.b, depth_b)) - depth_a
-        if narrow and past_a.min() > 0.5 * span:
+        # Not on a multiple of the step: rounding would decide for views side by side.
+        if narrow and past_a.min() > 0.45 * span:
             break
         if not narrow and (past_a.max() < 0 or past_b.max() < 0):
             break
