@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +20,8 @@ from .observation import Observation, View
 from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
 from .refine.contour import mask_contour
-from .refine.fit import FROM_AFAR, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
+from .refine.fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
+from .refine.reach import other_ends
 
 METHOD = "joint-spline"
 
@@ -105,12 +108,11 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     edges = contours[0].where(~cut_off[0]), contours[1].where(~cut_off[1])
     at_border = contours[0].points[cut_off[0]], contours[1].points[cut_off[1]]
     opened = _open_ends(seen.rig, at_border, curve, radius)
-    ways = ((ON_TRACK, 0.15), (FROM_NEAR, 0.05)) if options.start else ((FROM_AFAR, 0.05),)
-    for gates, settled_px in ways:
-        fit = fit_tube(
+    def fitted(start: Floats, gates: Sequence[float], settled_px: float = 0.05) -> TubeFit:
+        return fit_tube(
             seen.rig,
             edges,
-            curve,
+            start,
             radius,
             capped=(not opened[0], not opened[1]),
             radius_known=options.prior.radius is not None,
@@ -118,8 +120,16 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
             gates=gates,
             settled_px=settled_px,
         )
-        if fit.ends_seen:
-            break
+
+    if options.start is None:
+        fit = fitted(curve, FROM_AFAR)
+    else:
+        fit = fitted(curve, ON_TRACK, settled_px=0.15)
+        if not fit.ends_seen:
+            fit = fitted(curve, FROM_NEAR)
+    for end in (0, 1):
+        if fit.end_is_odd(end):
+            fit = _best_end(fit, end, fitted)
     residuals = _check(seen, fit)
     backbone, covariance = _cut_at_borders(seen, fit, opened)
     turned, because = _base_last(backbone, opened, seen, options)
@@ -136,6 +146,17 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
         residuals=residuals,
         radius=fit.radius,
     )
+
+
+def _best_end(
+    fit: TubeFit, end: int, fitted: Callable[[Floats, Sequence[float]], TubeFit]
+) -> TubeFit:
+    """The best of fits that begin with an end otherwise."""
+    fits = [fit]
+    for start in other_ends(fit.tube, end):
+        with suppress(HardFrame):
+            fits.append(fitted(start, FROM_CLOSE))
+    return min(fits, key=lambda fit: fit.cost)
 
 
 def _first_curve(seen: Observation) -> tuple[Backbone, float]:

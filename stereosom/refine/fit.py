@@ -19,6 +19,7 @@ from .contour import Contour
 from .kernels import kernels
 from .look import Look, Tube
 from .reach import seen_stretch
+from .reference import pieces
 from .spline import SplineBasis, spline_basis
 from .uncertainty import covariance_along, noise_variance
 
@@ -26,6 +27,7 @@ from .uncertainty import covariance_along, noise_variance
 # then the spread of the residuals decides.
 FROM_AFAR = (40.0, 20.0, 12.0, 8.0, 4.0)
 FROM_NEAR = (12.0, 8.0, 4.0)
+FROM_CLOSE = (8.0, 4.0)
 ON_TRACK = (8.0,)
 # At this gate the ends are placed anew, and at this one it is settled which view shows them.
 _PLACING, _SETTLING = 12.0, 8.0
@@ -35,6 +37,8 @@ _APART_PX = 2.0
 _TURNING = 5.0
 # A step may slide along the curve only this weakly; a share of how strongly it is held across.
 _SLIDING = 0.01
+# A flat end whose squared residuals are so many times those of all is odd.
+_ODD = 2.0
 # What the evidence most often finds for a spline's roughness, times its stiffness, px².
 _ROUGHNESS_PX2 = 2.0
 
@@ -69,6 +73,26 @@ class TubeFit:
             for look in self.looks
             for seen, capped in zip(look.cap_seen, self.tube.capped, strict=True)
         )
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared residuals, px²; edges that belong nowhere are two pixels off."""
+        return sum(
+            float(look.squares.sum()) + 4 * look.stray * look.edges for look in self.looks
+        )
+
+    def end_is_odd(self, end: int) -> bool:
+        """Whether the flat end at the base (0) or tip (1) is seen worse than all the rest."""
+        if not self.tube.capped[end]:
+            return False
+        for look in self.looks:
+            piece = pieces(look.samples)[2 + end]
+            weight = float(look.weight[piece].sum())
+            spread = float(look.squares.sum()) / max(float(look.weight.sum()), 1e-9)
+            odd = float(look.squares[piece].sum()) > _ODD * spread * weight
+            if odd or not look.cap_seen[end]:
+                return True
+        return False
 
 
 def fit_tube(
@@ -164,7 +188,8 @@ def _ends_shown(rig: StereoRig, tube: Tube, looks: tuple[Look, Look]) -> tuple[_
             along = sign * tube.tangents[[0, -1][end]]
             shortened = np.linalg.norm(camera.jacobian(at)[0] @ along) * camera.pixel_size(at)[0]
             beyond.append(offset / max(float(shortened), 0.2))
-        if abs(beyond[0] - beyond[1]) > _APART_PX:  # never so where one is not a number
+        # Never so where one is not a number.
+        if abs(beyond[0] - beyond[1]) > _APART_PX and max(beyond) > _APART_PX / 2:
             shown[int(beyond[0] > beyond[1])][end] = False
     return (shown[0][0], shown[0][1]), (shown[1][0], shown[1][1])
 

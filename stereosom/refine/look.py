@@ -73,6 +73,8 @@ class Look:
         Share of the contour that belongs nowhere.
     half_width : float
         Of the device in the picture, px.
+    edges : int
+        Number of points of the contour.
     """
 
     picture: Floats
@@ -86,6 +88,7 @@ class Look:
     noise: float
     stray: float
     half_width: float
+    edges: int
 
     @classmethod
     def at(
@@ -128,7 +131,7 @@ class Look:
             float(gate or 0.0),
         )
         noise, stray, half_width = (float(number) for number in numbers)
-        return cls(*arrays, noise=noise, stray=stray, half_width=half_width)
+        return cls(*arrays, noise=noise, stray=stray, half_width=half_width, edges=len(contour))
 
     @property
     def samples(self) -> int:

@@ -18,6 +18,8 @@ _LONGEST_HOLE = 4.5
 _SHORTENED = 0.4
 # Rims, of two in each view, that must be seen.
 _RIMS = 2
+# Wrongly bent ends reach in so many radii; so far from the end the curve tells how it runs on.
+_BENT, _BEFORE = 3.0, 9.0
 # The oval of a flat end seen obliquely looks like more of the rims, for less than so many radii.
 _SLACK = 2.5
 
@@ -101,6 +103,28 @@ def seen_stretch(
             found[end] = at
     start, stop = max(found[0], 0), min(found[1], len(extended) - 1)
     return np.asarray(extended[start : stop + 1])
+
+
+def other_ends(tube: Tube, end: int) -> list[Floats]:
+    """The curve (n, 3) with its base (0) or tip (1) running on otherwise.
+
+    A flat end seen obliquely looks the same tilted to either side; a fit that has taken the
+    wrong one bends into it, and does not find out. Here it runs on as the stretch before does,
+    and bends to the other side.
+    """
+    curve = tube.curve
+    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+    reach = np.concatenate([[0.0], np.cumsum(steps)])
+    from_end = (reach if end == 0 else reach[-1] - reach) / (_BEFORE * tube.radius)
+    last = from_end < _BENT / _BEFORE
+    before = ~last & (from_end < 1)
+    if before.sum() < 4:
+        return []
+    straight = curve.copy()
+    for axis in range(3):
+        way = np.polynomial.Polynomial.fit(from_end[before], curve[before, axis], 2, domain=[0, 1])
+        straight[last, axis] = way(from_end[last])
+    return [straight, 2 * straight - curve]
 
 
 def _goes_on(
