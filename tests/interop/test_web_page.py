@@ -44,7 +44,8 @@ def browse(tmp_path_factory):
         page.write_text(edit((folder / "run.html").read_text("utf-8")), "utf-8")
         call = [browser, "--headless=new", "--disable-gpu", "--hide-scrollbars",
                 f"--window-size={WIDTH},{HEIGHT}", f"--user-data-dir={folder / 'profile'}",
-                "--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr"]  # fmt: skip
+                "--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr",
+                "--virtual-time-budget=1500"]  # fmt: skip
         call += ["--no-sandbox"] if os.geteuid() == 0 else []
         done = [
             subprocess.run([*call, what, f"file://{page}#{hash_}"], capture_output=True, text=True,
@@ -99,3 +100,35 @@ def test_the_page_forbids_itself_every_connection(browse):
         "", edit=lambda text: text.replace("<canvas", '<img src="http://127.0.0.1:9/a"><canvas', 1)
     )
     assert any("Content Security Policy" in line for line in told)
+
+
+USER = """<script>
+canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: -400 }));
+window.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));
+get("color").value = "StandardDeviation"; get("color").dispatchEvent(new Event("change"));
+const [x, y] = project(run.frames[now].points[40]);
+canvas.dispatchEvent(new PointerEvent("pointermove", { clientX: x, clientY: y }));
+</script></body>"""
+
+
+def test_what_the_user_does_has_its_effect(browse):
+    """Enlarge, step to the next frame, color otherwise, point at the curve."""
+    before = browse("frame=0")[1]
+    dom, after, told = browse("frame=0", edit=lambda text: text.replace("</body>", USER))
+    assert told == []
+    assert "<td>frame</td><td>1</td>" in dom
+    tip = re.search(r'<div id="tip"[^>]*>(.*?)</div>', dom, re.S)[1]
+    assert f"s = {40 / 79 * 55 * np.pi / 2:.1f} mm" in tip
+    assert "standard deviation = 0.2 mm" in tip
+    assert colorful(after).sum() > 1.5 * colorful(before).sum()
+
+
+def test_play_runs_through_the_frames(browse):
+    """In a browser whose clock is told to run on: the last frame has been, and all go on."""
+    seen = """<script>const shown = new Set(), then = show;
+    show = i => { shown.add(i); then(i); document.title = [...shown].sort().join(); };
+    get("play").click();</script></body>"""
+    dom, _, told = browse("frame=0", edit=lambda text: text.replace("</body>", seen))
+    assert told == []
+    assert ">pause</button>" in dom
+    assert re.search("<title>(.*?)</title>", dom)[1] == "0,1,2"
