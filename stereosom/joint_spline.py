@@ -129,7 +129,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
             fit = fitted(curve, FROM_NEAR)
     for end in (0, 1):
         if fit.end_is_odd(end):
-            fit = _best_end(fit, end, fitted)
+            fit = _best_end(seen.rig, fit, end, fitted)
     residuals = _check(seen, fit)
     backbone, covariance = _cut_at_borders(seen, fit, opened)
     turned, because = _base_last(backbone, opened, seen, options)
@@ -149,14 +149,16 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
 
 
 def _best_end(
-    fit: TubeFit, end: int, fitted: Callable[[Floats, Sequence[float]], TubeFit]
+    rig: StereoRig, fit: TubeFit, end: int, fitted: Callable[[Floats, Sequence[float]], TubeFit]
 ) -> TubeFit:
-    """The best of fits that begin with an end otherwise."""
-    fits = [fit]
-    for start in other_ends(fit.tube, end):
+    """The best of fits that begin with an end otherwise, up to the first that is not odd."""
+    best = fit
+    for start in other_ends(rig, fit.tube, end):
         with suppress(HardFrame):
-            fits.append(fitted(start, FROM_CLOSE))
-    return min(fits, key=lambda fit: fit.cost)
+            best = min(best, fitted(start, FROM_CLOSE), key=lambda fit: fit.cost)
+        if not best.end_is_odd(end):
+            break
+    return best
 
 
 def _first_curve(seen: Observation) -> tuple[Backbone, float]:

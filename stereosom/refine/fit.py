@@ -27,7 +27,7 @@ from .uncertainty import covariance_along, noise_variance
 # then the spread of the residuals decides.
 FROM_AFAR = (40.0, 20.0, 12.0, 8.0, 4.0)
 FROM_NEAR = (12.0, 8.0, 4.0)
-FROM_CLOSE = (8.0, 4.0)
+FROM_CLOSE = (6.0, 4.0)
 ON_TRACK = (8.0,)
 # At this gate the ends are placed anew, and at this one it is settled which view shows them.
 _PLACING, _SETTLING = 12.0, 8.0

@@ -105,14 +105,14 @@ def seen_stretch(
     return np.asarray(extended[start : stop + 1])
 
 
-def other_ends(tube: Tube, end: int) -> list[Floats]:
+def other_ends(rig: StereoRig, tube: Tube, end: int) -> list[Floats]:
     """The curve (n, 3) with its base (0) or tip (1) running on otherwise.
 
     A flat end seen obliquely looks the same tilted to either side; a fit that has taken the
     wrong one bends into it, and does not find out. Here it runs on as the stretch before does,
-    and bends to the other side.
+    bends to the other side, or nearer to the cameras, or farther from them.
     """
-    curve = tube.curve
+    curve, tangent = tube.curve, tube.tangents[-end]
     steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
     reach = np.concatenate([[0.0], np.cumsum(steps)])
     from_end = (reach if end == 0 else reach[-1] - reach) / (_BEFORE * tube.radius)
@@ -124,7 +124,11 @@ def other_ends(tube: Tube, end: int) -> list[Floats]:
     for axis in range(3):
         way = np.polynomial.Polynomial.fit(from_end[before], curve[before, axis], 2, domain=[0, 1])
         straight[last, axis] = way(from_end[last])
-    return [straight, 2 * straight - curve]
+    depth = (rig.a.rays(rig.a.project(curve[-end:][:1])) + rig.b.rays(rig.b.project(curve[-end:][:1])))[0]
+    depth -= (depth @ tangent) * tangent
+    depth *= tube.radius / max(float(np.linalg.norm(depth)), 1e-9)
+    bent = np.maximum(1 - from_end, 0)[:, None] ** 2 * depth
+    return [straight, 2 * straight - curve, curve + bent, curve - bent]
 
 
 def _goes_on(
