@@ -23,17 +23,24 @@ _NEAR = 3.0
 
 def stretched(image: Image) -> Picture:
     """Picture as (rows, columns, 3) bytes, its 1st to 99th percentile from black to white."""
-    picture = np.asarray(image, dtype=np.float32)
+    picture = np.asarray(image)
     if picture.ndim == 2:
         picture = picture[:, :, None]
     # A grid of every few pixels has the same percentiles, and saves most of the time.
-    every = max(1, int(np.sqrt(picture.shape[0] * picture.shape[1]) / 512))
-    low, high = np.nanpercentile(picture[::every, ::every], [1, 99])
+    every = max(1, int(np.sqrt(picture.shape[0] * picture.shape[1]) / 256))
+    low, high = np.nanpercentile(picture[::every, ::every].astype(np.float32), [1, 99])
     if high <= low:  # a mask of a thin device: all but one percent is background
-        low, high = np.nanmin(picture), np.nanmax(picture)
-    share = np.nan_to_num((picture - low) / max(high - low, 1e-12))
-    gray = np.round(255 * np.clip(share, 0, 1)).astype(np.uint8)
+        low, high = float(np.nanmin(picture)), float(np.nanmax(picture))
+    if picture.dtype in (np.uint8, np.uint16):  # few values: each is worked out once
+        gray = _grays(np.arange(np.iinfo(picture.dtype).max + 1), low, high)[picture]
+    else:
+        gray = _grays(picture, low, high)
     return np.broadcast_to(gray, (*picture.shape[:2], 3))
+
+
+def _grays(values: npt.NDArray[Any], low: float, high: float) -> npt.NDArray[np.uint8]:
+    share = np.nan_to_num((values.astype(np.float32) - low) / max(high - low, 1e-12))
+    return np.asarray(np.round(255 * np.clip(share, 0, 1)), dtype=np.uint8)
 
 
 def picture_quad(camera: Camera, depth: float) -> Any:
