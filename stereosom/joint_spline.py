@@ -31,6 +31,8 @@ _CUT_OFF = 2.5
 # So many pixels, evenly drawn, tell how much lies beside the device.
 _DRAWN = 600
 _LITTLE_STRAY = 0.1
+# An odd end is tried otherwise so often, as long as that costs so much less than before.
+_TRIES, _BETTER = 4, 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +128,8 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     else:
         fit = fitted(curve, ON_TRACK, settled_px=0.15)
         if not fit.ends_seen:
-            fit = fitted(curve, FROM_NEAR)
+            with suppress(HardFrame):
+                fit = min(fit, fitted(curve, FROM_NEAR), key=lambda fit: fit.cost)
     for end in (0, 1):
         if fit.end_is_odd(end):
             fit = _best_end(seen.rig, fit, end, fitted)
@@ -152,13 +155,17 @@ def _best_end(
     rig: StereoRig, fit: TubeFit, end: int, fitted: Callable[[Floats, Sequence[float]], TubeFit]
 ) -> TubeFit:
     """The best of fits that begin with an end otherwise, up to the first that is not odd."""
-    best = fit
-    for start in other_ends(rig, fit.tube, end):
-        with suppress(HardFrame):
-            best = min(best, fitted(start, FROM_CLOSE), key=lambda fit: fit.cost)
-        if not best.end_is_odd(end):
-            break
-    return best
+    for _ in range(_TRIES):
+        best = fit
+        for start in other_ends(rig, fit.tube, fit.looks, end):
+            with suppress(HardFrame):
+                best = min(best, fitted(start, FROM_CLOSE), key=lambda fit: fit.cost)
+            if not best.end_is_odd(end):
+                return best
+        if best.cost > _BETTER * fit.cost:
+            return best
+        fit = best
+    return fit
 
 
 def _first_curve(seen: Observation) -> tuple[Backbone, float]:

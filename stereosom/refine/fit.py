@@ -76,9 +76,13 @@ class TubeFit:
 
     @property
     def cost(self) -> float:
-        """Sum of squared residuals, px²; edges that belong nowhere are two pixels off."""
+        """Sum of squared residuals, px²; edges that belong nowhere are two pixels off.
+
+        So is an outline without edges, for each pixel of it.
+        """
         return sum(
-            float(look.squares.sum()) + 4 * look.stray * look.edges for look in self.looks
+            float(look.squares.sum()) + 4 * look.stray * look.edges + 4 * look.unseen_px
+            for look in self.looks
         )
 
     def end_is_odd(self, end: int) -> bool:
@@ -105,7 +109,7 @@ def fit_tube(
     radius_known: bool = False,
     segments: int = 24,
     gates: Sequence[float] = FROM_AFAR,
-    passes: int = 20,
+    passes: int = 15,
     settled_px: float = 0.05,
 ) -> TubeFit:
     """Fit a tube to the contours of both views.

@@ -152,6 +152,14 @@ class Look:
         return maximum_filter1d(np.stack([seen[left], seen[right]]), 5, axis=1)
 
     @property
+    def unseen_px(self) -> float:
+        """Length of the rims that show no edges, px."""
+        left, right, _, _ = pieces(self.samples)
+        spacing = [np.linalg.norm(np.gradient(self.picture[rim], axis=0), axis=1)
+                   for rim in (left, right)]  # fmt: skip
+        return float(np.sum(np.stack(spacing)[~self.rims_seen()]))
+
+    @property
     def cap_seen(self) -> tuple[bool, bool]:
         """Whether edges make a flat end at the base, and at the tip."""
         _, _, base, tip = pieces(self.samples)

@@ -105,12 +105,15 @@ def seen_stretch(
     return np.asarray(extended[start : stop + 1])
 
 
-def other_ends(rig: StereoRig, tube: Tube, end: int) -> list[Floats]:
+def other_ends(
+    rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int
+) -> list[Floats]:
     """The curve (n, 3) with its base (0) or tip (1) running on otherwise.
 
     A flat end seen obliquely looks the same tilted to either side; a fit that has taken the
     wrong one bends into it, and does not find out. Here it runs on as the stretch before does,
-    bends to the other side, or nearer to the cameras, or farther from them.
+    bends to the other side, or nearer to the cameras, or farther from them. Where no view shows
+    its last stretch, that is cut off.
     """
     curve, tangent = tube.curve, tube.tangents[-end]
     steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
@@ -128,7 +131,17 @@ def other_ends(rig: StereoRig, tube: Tube, end: int) -> list[Floats]:
     depth -= (depth @ tangent) * tangent
     depth *= tube.radius / max(float(np.linalg.norm(depth)), 1e-9)
     bent = np.maximum(1 - from_end, 0)[:, None] ** 2 * depth
-    return [straight, 2 * straight - curve, curve + bent, curve - bent]
+    others = [straight, 2 * straight - curve, curve + bent, curve - bent]
+    speed = np.stack([np.linalg.norm(np.gradient(camera.project(curve), axis=0), axis=1)
+                      for camera in (rig.a, rig.b)])  # fmt: skip
+    telling = speed > _SHORTENED * speed.max(axis=0)
+    rims = np.stack([look.rims_seen().any(axis=0) for look in looks])
+    seen = np.flatnonzero((rims & telling).any(axis=0))
+    if len(seen) > len(curve) // 2:
+        cut = curve[seen[0] :] if end == 0 else curve[: seen[-1] + 1]
+        if len(cut) < len(curve) - 1:
+            others.insert(0, cut)
+    return others
 
 
 def _goes_on(
