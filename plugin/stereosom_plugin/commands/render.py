@@ -18,7 +18,7 @@ DOES = "draw a result or film a run, without a screen"
 EXAMPLE = "stereosom render out --output film.mp4 --ghosts 5"
 
 _FILMS = (".mp4", ".gif")
-_SIZES = {"picture": (1600, 1200), "film": (1280, 720), "4k": (3840, 2160)}
+_SIZES = {"picture": (1600, 1200), "film": (960, 720), "4k": (3840, 2160)}
 # Seconds that the eye takes to go around, and the pictures in each.
 _TURN_S, _TURN_RATE = 6.0, 24.0
 _LEAST_SIDE, _MOST_SIDE = 64, 8192
