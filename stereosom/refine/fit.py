@@ -26,13 +26,13 @@ from .uncertainty import covariance_along, noise_variance
 # Edges farther from the outline than this, px, in one pass after the other, are no part of it;
 # then the spread of the residuals decides.
 FROM_AFAR = (40.0, 20.0, 12.0, 8.0, 4.0)
-FROM_NEAR = (12.0, 8.0, 4.0)
+FROM_NEAR = (14.0, 12.0, 8.0, 4.0)
 FROM_CLOSE = (6.0, 4.0)
-ON_TRACK = (8.0,)
+ON_TRACK = (7.0,)
 # At this gate the ends are placed anew, and at this one it is settled which view shows them.
 _PLACING, _SETTLING = 12.0, 8.0
 # Views that put an end farther apart than this, px, do not show the same.
-_APART_PX = 2.0
+_APART_PX, _SHORTENED = 2.0, 0.5
 # From this gate on flat ends tell how the curve runs into them.
 _TURNING = 5.0
 # A step may slide along the curve only this weakly; a share of how strongly it is held across.
@@ -191,7 +191,8 @@ def _ends_shown(rig: StereoRig, tube: Tube, looks: tuple[Look, Look]) -> tuple[_
             at = tube.curve[[0, -1][end]][None]
             along = sign * tube.tangents[[0, -1][end]]
             shortened = np.linalg.norm(camera.jacobian(at)[0] @ along) * camera.pixel_size(at)[0]
-            beyond.append(offset / max(float(shortened), 0.2))
+            # Of an end that points at the camera a view tells little.
+            beyond.append(offset / shortened if shortened > _SHORTENED else np.nan)
         # Never so where one is not a number.
         if abs(beyond[0] - beyond[1]) > _APART_PX and max(beyond) > _APART_PX / 2:
             shown[int(beyond[0] > beyond[1])][end] = False
