@@ -81,7 +81,8 @@ class TubeFit:
         So is an outline without edges, for each pixel of it.
         """
         return sum(
-            float(look.squares.sum()) + 4 * look.stray * look.edges + 4 * look.unseen_px
+            float(look.squares.sum())
+            + 4 * (look.stray * look.edges + look.unseen_px(self.tube.capped))
             for look in self.looks
         )
 

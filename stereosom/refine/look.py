@@ -151,13 +151,17 @@ class Look:
         left, right, _, _ = pieces(self.samples)
         return maximum_filter1d(np.stack([seen[left], seen[right]]), 5, axis=1)
 
-    @property
-    def unseen_px(self) -> float:
-        """Length of the rims that show no edges, px."""
+    def unseen_px(self, capped: tuple[bool, bool]) -> float:
+        """Length of the rims that show no edges, px; where the tube goes on, from the first on."""
         left, right, _, _ = pieces(self.samples)
-        spacing = [np.linalg.norm(np.gradient(self.picture[rim], axis=0), axis=1)
-                   for rim in (left, right)]  # fmt: skip
-        return float(np.sum(np.stack(spacing)[~self.rims_seen()]))
+        length = 0.0
+        for rim, seen in zip((left, right), self.rims_seen(), strict=True):
+            spacing = np.linalg.norm(np.gradient(self.picture[rim], axis=0), axis=1)
+            shown = np.flatnonzero(seen)
+            start = 0 if capped[0] or len(shown) == 0 else shown[0]
+            stop = None if capped[1] or len(shown) == 0 else shown[-1]
+            length += float(np.sum(spacing[start:stop][~seen[start:stop]]))
+        return length
 
     @property
     def cap_seen(self) -> tuple[bool, bool]:
