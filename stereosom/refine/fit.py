@@ -29,6 +29,8 @@ FROM_AFAR = (40.0, 20.0, 12.0, 8.0, 4.0)
 FROM_NEAR = (14.0, 12.0, 8.0, 4.0)
 FROM_CLOSE = (6.0, 4.0)
 ON_TRACK = (7.0,)
+# No gate is wider than so many widths of the device.
+_WIDEST_GATE = 2.0
 # At this gate the ends are placed anew, and at this one it is settled which view shows them.
 _PLACING, _SETTLING = 12.0, 8.0
 # Views that put an end farther apart than this, px, do not show the same.
@@ -147,6 +149,8 @@ def fit_tube(
     settled_mm = settled_px * float(rig.a.pixel_size(start[:1])[0])
     # From afar, some of the edges tell as much as all.
     thinned = (contours[0].where(slice(None, None, 4)), contours[1].where(slice(None, None, 4)))
+    width_px = 2 * radius / float(rig.a.pixel_size(start[:1])[0])
+    gates = [min(gate, max(_WIDEST_GATE * width_px, _PLACING)) for gate in gates]
     shown = (capped, capped)
     for number in range(passes):
         gate = gates[number] if number < len(gates) else None
