@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -110,7 +111,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     edges = contours[0].where(~cut_off[0]), contours[1].where(~cut_off[1])
     at_border = contours[0].points[cut_off[0]], contours[1].points[cut_off[1]]
     opened = _open_ends(seen.rig, at_border, curve, radius)
-    def fitted(start: Floats, gates: Sequence[float], settled_px: float = 0.05) -> TubeFit:
+    def fitted(start: Floats, gates: Sequence[float], **details: Any) -> TubeFit:
         return fit_tube(
             seen.rig,
             edges,
@@ -120,7 +121,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
             radius_known=options.prior.radius is not None,
             segments=options.segments,
             gates=gates,
-            settled_px=settled_px,
+            **details,
         )
 
     if options.start is None:
@@ -152,14 +153,16 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
 
 
 def _best_end(
-    rig: StereoRig, fit: TubeFit, end: int, fitted: Callable[[Floats, Sequence[float]], TubeFit]
+    rig: StereoRig, fit: TubeFit, end: int, fitted: Callable[..., TubeFit]
 ) -> TubeFit:
     """The best of fits that begin with an end otherwise, up to the first that is not odd."""
     for _ in range(_TRIES):
         best = fit
         for start in other_ends(rig, fit.tube, fit.looks, end):
-            with suppress(HardFrame):
-                best = min(best, fitted(start, FROM_CLOSE), key=lambda fit: fit.cost)
+            for passes in (15, 0):
+                with suppress(HardFrame):
+                    other = fitted(start, FROM_CLOSE, passes=passes)
+                    best = min(best, other, key=lambda fit: fit.cost)
             if not best.end_is_odd(end):
                 return best
         if best.cost > _BETTER * fit.cost:

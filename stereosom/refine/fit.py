@@ -43,6 +43,8 @@ _SLIDING = 0.01
 _ODD = 2.0
 # What the evidence most often finds for a spline's roughness, times its stiffness, px².
 _ROUGHNESS_PX2 = 2.0
+# Without a gate no step is longer than this, px.
+_FARTHEST_PX = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +136,7 @@ def fit_tube(
     gates : sequence of float
         Edges farther off, px, are left out, in one pass after the other.
     passes : int
-        Of Gauss-Newton, at most.
+        Of Gauss-Newton, at most; with none, the start is looked at as it is.
     settled_px : float
         A step that moves the curve by less is the last.
 
@@ -146,12 +148,15 @@ def fit_tube(
     basis = spline_basis(segments)
     control = basis.control_points(start)
     stiffness = _ROUGHNESS_PX2 / max(_roughness(basis, control), 1e-12)
-    settled_mm = settled_px * float(rig.a.pixel_size(start[:1])[0])
+    pixel_mm = float(rig.a.pixel_size(start[:1])[0])
     # From afar, some of the edges tell as much as all.
     thinned = (contours[0].where(slice(None, None, 4)), contours[1].where(slice(None, None, 4)))
-    width_px = 2 * radius / float(rig.a.pixel_size(start[:1])[0])
-    gates = [min(gate, max(_WIDEST_GATE * width_px, _PLACING)) for gate in gates]
+    widest = max(_WIDEST_GATE * 2 * radius / pixel_mm, _PLACING)
+    gates = [min(gate, widest) for gate in gates]
     shown = (capped, capped)
+    if passes == 0:
+        tube = Tube.of(basis, control, radius, capped)
+        looks = _looks(rig, contours, tube, None, shown)
     for number in range(passes):
         gate = gates[number] if number < len(gates) else None
         if gate == _PLACING:
@@ -171,8 +176,11 @@ def fit_tube(
         moved, grown = step.solve(stiffness, radius_known)
         if not np.isfinite(moved).all() or np.abs(moved).max() > 1e4:
             raise HardFrame("the fit left the device")
+        farthest = step.farthest(moved)
+        # No step goes farther than edges are looked for.
+        moved *= min(1.0, (gate or _FARTHEST_PX) * pixel_mm / max(farthest, 1e-12))
         control, radius = control + moved, max(radius + grown, 1e-3)
-        if gate is None and step.farthest(moved) < settled_mm:
+        if gate is None and farthest < settled_px * pixel_mm:
             break
     return TubeFit(
         basis.backbone(control),
