@@ -19,6 +19,8 @@ _SHARPEST_TURN = 2.0
 _WIDEST_GAP, _STRAIGHT_ON = 8.0, 1.2
 # Over a short gap, in widths, such as a hole in the mask leaves, it may turn as far as this.
 _SHORT_GAP, _AROUND = 3.5, 2.5
+# Beside a hole a middle line is drawn aside: its heading is taken so many widths before.
+_AT_A_HOLE = (4.0, 1.2)
 
 
 def longest_route(chains: list[Chain], width: float) -> Floats:
@@ -95,10 +97,16 @@ def _continuations(chains: list[Chain], width: float) -> dict[_End, _End]:
     return onward
 
 
-def _arrival(pixels: Floats, width: float) -> tuple[Floats, Floats]:
-    """Where a way is before its last pixel, where the end bends nothing yet, and its heading."""
+def _arrival(
+    pixels: Floats, width: float, widths: tuple[float, float] = (2.5, 0.8)
+) -> tuple[Floats, Floats]:
+    """Where a way is before its last pixel, where the end bends nothing yet, and its heading.
+
+    Between so many widths before the end.
+    """
     last = len(pixels) - 1
-    before = pixels[max(0, last - int(2.5 * width)) : max(1, last - int(0.8 * width)) + 1]
+    first, stop = (int(number * width) for number in widths)
+    before = pixels[max(0, last - first) : max(1, last - stop) + 1]
     first, at = (before if len(before) > 1 else pixels)[[0, -1]]
     step = at - first
     return at, np.asarray(step / max(float(np.linalg.norm(step)), 1e-9))
@@ -132,12 +140,12 @@ def _bridge_gaps(routes: list[Floats], width: float) -> Floats:
     whole, rest = routes[0], [route for route in routes[1:] if polyline_length(route) > width]
     for _ in range(2):  # at its stop, then at its start
         while True:
-            here = _arrival(whole, width)
+            here = _arrival(whole, width, _AT_A_HOLE)
             candidates = []
             for place, route in enumerate(rest):
                 for ahead in (route, route[::-1]):
                     gap = float(np.linalg.norm(ahead[0] - whole[-1]))
-                    turn = _turn(here, _arrival(ahead[::-1], width))
+                    turn = _turn(here, _arrival(ahead[::-1], width, _AT_A_HOLE))
                     short = gap < _SHORT_GAP * width and turn < _AROUND
                     if short or (gap < _WIDEST_GAP * width and turn < _STRAIGHT_ON):
                         candidates.append((gap, place, ahead))
