@@ -14,8 +14,8 @@ from stereosom import Camera  # noqa: E402
 from stereosom.backbone import Backbone  # noqa: E402
 from stereosom_plugin.calibration import read_rig  # noqa: E402
 from stereosom_plugin.experiments import EXPERIMENTS, mockup, table1  # noqa: E402
-from stereosom_plugin.experiments.edges import edge_mask  # noqa: E402
 from stereosom_plugin.experiments.table1_figures import end_shrinkage  # noqa: E402
+from stereosom_plugin.segmentation.endoscope.edges import edge_mask  # noqa: E402
 
 
 def centroid(image):

@@ -23,10 +23,10 @@ from stereosom.observation import Observation
 from stereosom.options import Prior
 from stereosom.reconstruction import HardFrame
 from stereosom.stereo_som import StereoSomOptions, stereo_som, train_stereo_map
+from stereosom_plugin.segmentation.endoscope.edges import edge_mask
 
 from ..files import write_whole
 from . import Progress, mockup
-from .edges import edge_mask
 
 # The paper's Table I: number of Q's -> mean error (mm), its standard deviation, mean time (s).
 PAPER = {

@@ -4,6 +4,7 @@ Any function that maps an image to a boolean mask of its size can stand in for
 `segment_xray` in `observe`; `own.load_segmenter` finds one by name.
 """
 
+from . import endoscope
 from .binary import binary
 from .biplane import BiplaneSegmenter
 from .observing import Segment, Show, observe
@@ -17,6 +18,7 @@ __all__ = [
     "Segment",
     "Show",
     "binary",
+    "endoscope",
     "observe",
     "outline",
     "segment_xray",

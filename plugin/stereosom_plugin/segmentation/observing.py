@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from stereosom.backbone import Backbone
-from stereosom.observation import Observation
+from stereosom.observation import Kind, Observation
 from stereosom_plugin.acquisition import Acquisition, FramePair, Image
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.lens import undistorted_observation
@@ -24,8 +24,9 @@ Show = Callable[[int, FramePair, Mask, Mask], None]
 
 def observe(
     acquisition: Acquisition,
-    segment: Segment = segment_xray,
+    segment: Segment | tuple[Segment, Segment] = segment_xray,
     *,
+    kind: Kind = "filled",
     frames: Iterable[int] | None = None,
     expected: Expected | None = None,
     show: Show | None = None,
@@ -39,8 +40,10 @@ def observe(
     Parameters
     ----------
     acquisition : Acquisition
-    segment : callable, optional
-        Image to mask, for both views.
+    segment : callable or pair of callables, optional
+        Image to mask, for both views, or one for each.
+    kind : {'filled', 'edges'}
+        Whether the masks fill the device or trace its edges.
     frames : iterable of int, optional
         Numbers of the frames that are wanted. Default: all.
     expected : callable, optional
@@ -62,18 +65,19 @@ def observe(
         Where a mask has another size than its camera's picture: then all of them have.
     """
     both = BiplaneSegmenter(acquisition) if segment is segment_xray else None
+    segment_a, segment_b = segment if isinstance(segment, tuple) else (segment, segment)
     for index in range(len(acquisition)) if frames is None else frames:
         rig = acquisition.rig(index)
         mask_a, mask_b = (
             np.zeros(camera.image_size[::-1], dtype=bool) for camera in (rig.a, rig.b)
         )
-        described: dict[str, Any] = {"field_of_view": acquisition.field_of_view}
+        described: dict[str, Any] = {"field_of_view": acquisition.field_of_view, "kind": kind}
         try:
             pair = acquisition[index]
             if both is not None:
                 mask_a, mask_b = both(pair, expected() if expected else None)
             else:
-                mask_a, mask_b = segment(pair.image_a), segment(pair.image_b)
+                mask_a, mask_b = segment_a(pair.image_a), segment_b(pair.image_b)
             if show is not None:
                 show(index, pair, mask_a, mask_b)
         except InputError as error:
