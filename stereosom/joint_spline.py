@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,27 +10,20 @@ from scipy.spatial import cKDTree
 from .arrays import Booleans, Floats
 from .assessment import MOST_STRAY, MOST_UNSEEN
 from .backbone import Backbone
-from .camera import Camera, StereoRig
+from .camera import Camera
 from .ends import trim_to_shared_stretch
-from .matching import space_curve
-from .middle_line import middle_line
 from .observation import Observation, View
 from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
-from .refine.contour import mask_contour
-from .refine.fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
-from .refine.reach import other_ends
+from .refine.fit import TubeFit
+from .refine.search import TubeSearch
 
 METHOD = "joint-spline"
 
-_SAMPLES, _COVARIANCES = 200, 100
-# Pixels of a mask this near to the border of the view are cut off there, and show no edge, px.
-_CUT_OFF = 2.5
+_COVARIANCES = 100
 # So many pixels, evenly drawn, tell how much lies beside the device.
 _DRAWN = 600
 _LITTLE_STRAY = 0.1
-# An odd end is tried otherwise so often, as long as that costs so much less than before.
-_TRIES, _BETTER = 4, 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,45 +86,10 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
         if len(pixels) < 20:
             raise HardFrame(f"view {view}: {len(pixels)} device pixels are too few to see a shape")
     seen = trim_to_shared_stretch(observation)
-    if options.start is None:
-        first, radius = _first_curve(seen)
-        curve = first.polyline(_SAMPLES)
-    else:
-        curve = options.start.polyline(_SAMPLES)
-        radius = _width_radius(seen, curve)
-    radius = options.prior.radius or radius
-    contours = mask_contour(seen.pixels_a), mask_contour(seen.pixels_b)
-    cut_off = (
-        seen.at_border("a", contours[0].points, _CUT_OFF),
-        seen.at_border("b", contours[1].points, _CUT_OFF),
-    )
-    edges = contours[0].where(~cut_off[0]), contours[1].where(~cut_off[1])
-    at_border = contours[0].points[cut_off[0]], contours[1].points[cut_off[1]]
-    opened = _open_ends(seen.rig, at_border, curve, radius)
-    def fitted(start: Floats, gates: Sequence[float], **details: Any) -> TubeFit:
-        return fit_tube(
-            seen.rig,
-            edges,
-            start,
-            radius,
-            capped=(not opened[0], not opened[1]),
-            radius_known=options.prior.radius is not None,
-            segments=options.segments,
-            gates=gates,
-            **details,
-        )
-
-    if options.start is None:
-        fit = fitted(curve, FROM_AFAR)
-    else:
-        fit = fitted(curve, ON_TRACK, settled_px=0.15)
-        if not fit.ends_seen:
-            with suppress(HardFrame):
-                fit = min(fit, fitted(curve, FROM_NEAR), key=lambda fit: fit.cost)
-    for end in (0, 1):
-        if fit.end_is_odd(end):
-            fit = _best_end(seen.rig, fit, end, fitted)
+    search = TubeSearch.of(seen, options.prior.radius, options.segments)
+    fit = search.near(options.start) if options.start else search.anywhere()
     residuals = _check(seen, fit)
+    opened = (not fit.tube.capped[0], not fit.tube.capped[1])
     backbone, covariance = _cut_at_borders(seen, fit, opened)
     turned, because = _base_last(backbone, opened, seen, options)
     if turned:
@@ -150,50 +105,6 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
         residuals=residuals,
         radius=fit.radius,
     )
-
-
-def _best_end(
-    rig: StereoRig, fit: TubeFit, end: int, fitted: Callable[..., TubeFit]
-) -> TubeFit:
-    """The best of fits that begin with an end otherwise, up to the first that is not odd."""
-    for _ in range(_TRIES):
-        best = fit
-        for start in other_ends(rig, fit.tube, fit.looks, end):
-            for passes in (15, 0):
-                with suppress(HardFrame):
-                    other = fitted(start, FROM_CLOSE, passes=passes)
-                    best = min(best, other, key=lambda fit: fit.cost)
-            if not best.end_is_odd(end):
-                return best
-        if best.cost > _BETTER * fit.cost:
-            return best
-        fit = best
-    return fit
-
-
-def _first_curve(seen: Observation) -> tuple[Backbone, float]:
-    """A curve along the matched middle lines, and the device's radius, mm."""
-    line_a, line_b = middle_line(seen.pixels_a), middle_line(seen.pixels_b)
-    points, _ = space_curve(seen.rig, line_a.points, line_b.points)
-    radii = [
-        line.width / 2 * float(camera.pixel_size(points).mean())
-        for line, camera in ((line_a, seen.rig.a), (line_b, seen.rig.b))
-    ]
-    try:
-        return Backbone.fit_spline(points, 20), float(np.mean(radii))
-    except (ValueError, np.linalg.LinAlgError) as error:
-        raise HardFrame(f"the two views' lines make no curve in space ({error})") from None
-
-
-def _width_radius(seen: Observation, curve: Floats) -> float:
-    """Radius of a filled device that follows a curve (n, 3), by the area of its masks, mm."""
-    radii = []
-    for camera, pixels in ((seen.rig.a, seen.pixels_a), (seen.rig.b, seen.pixels_b)):
-        steps = np.linalg.norm(np.diff(camera.project(curve), axis=0), axis=1)
-        half_width = len(pixels) / max(float(steps.sum()), 1.0) / 2
-        radii.append(half_width * float(camera.pixel_size(curve).mean()))
-    # Dirt adds to an area, and holes take from it; a device that went is no wide one.
-    return float(min(radii))
 
 
 def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
@@ -229,22 +140,6 @@ def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
         offsets = look.middle_offsets
         residuals.append(float(np.sqrt(np.mean(offsets**2))) if len(offsets) else 0.0)
     return residuals[0], residuals[1]
-
-
-def _open_ends(
-    rig: StereoRig, at_border: tuple[Floats, Floats], curve: Floats, radius: float
-) -> tuple[bool, bool]:
-    """Whether the device goes on at the base and at the tip, beyond the border of a view."""
-    ends = curve[[0, -1]]
-    opened = np.zeros(2, dtype=bool)
-    for camera, pixels in zip((rig.a, rig.b), at_border, strict=True):
-        if len(pixels):
-            # A middle line ends half a width before the device does.
-            width = 2 * radius / camera.pixel_size(ends)
-            for end, place in enumerate(camera.project(ends)):
-                near = float(np.linalg.norm(pixels - place, axis=1).min())
-                opened[end] |= near < 1.5 * width[end] + 3
-    return bool(opened[0]), bool(opened[1])
 
 
 def _cut_at_borders(

@@ -66,7 +66,8 @@ class Motion:
     def predicted(self, index: int, time: float, why: str) -> Reconstruction:
         """A result for a frame that shows too little: carried on, and less sure with each."""
         last = self.last
-        assert last.backbone is not None and last.covariance is not None
+        assert last.backbone is not None
+        assert last.covariance is not None
         frames = max(index - last.index, 1)
         speed = np.sqrt(np.mean(np.sum(self.velocity**2, axis=1)))
         step = max(float(speed) * self.interval, _LEAST_STEP)

@@ -55,7 +55,12 @@ def contour(pixels):  # type: ignore[no-untyped-def]
     at = np.sort(at[:kept])
     points, directions = np.empty((count, 2)), np.empty((count, 2))
     k = 0
-    for step, across_x, across_y in ((1, 0.5, 0.0), (-1, -0.5, 0.0), (width, 0.0, 0.5), (-width, 0.0, -0.5)):  # noqa: E501
+    for step, across_x, across_y in (
+        (1, 0.5, 0.0),
+        (-1, -0.5, 0.0),
+        (width, 0.0, 0.5),
+        (-width, 0.0, -0.5),
+    ):
         for i in range(kept):
             if inside[at[i] + step]:
                 continue

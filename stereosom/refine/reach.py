@@ -105,9 +105,7 @@ def seen_stretch(
     return np.asarray(extended[start : stop + 1])
 
 
-def other_ends(
-    rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int
-) -> list[Floats]:
+def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -> list[Floats]:
     """The curve (n, 3) with its base (0) or tip (1) running on otherwise.
 
     A flat end seen obliquely looks the same tilted to either side; a fit that has taken the
@@ -127,7 +125,9 @@ def other_ends(
     for axis in range(3):
         way = np.polynomial.Polynomial.fit(from_end[before], curve[before, axis], 2, domain=[0, 1])
         straight[last, axis] = way(from_end[last])
-    depth = (rig.a.rays(rig.a.project(curve[-end:][:1])) + rig.b.rays(rig.b.project(curve[-end:][:1])))[0]
+    depth = (
+        rig.a.rays(rig.a.project(curve[-end:][:1])) + rig.b.rays(rig.b.project(curve[-end:][:1]))
+    )[0]
     depth -= (depth @ tangent) * tangent
     depth *= tube.radius / max(float(np.linalg.norm(depth)), 1e-9)
     bent = np.maximum(1 - from_end, 0)[:, None] ** 2 * depth
@@ -144,11 +144,7 @@ def other_ends(
     return others
 
 
-def _goes_on(
-    rims: Booleans, looks: tuple[Look, Look], end: int, at: int, outward: int
-) -> bool:
+def _goes_on(rims: Booleans, looks: tuple[Look, Look], end: int, at: int, outward: int) -> bool:
     """Whether a view that shows no flat end where the fit has put it shows both rims beyond."""
     beyond = rims[:, :, at + outward :: outward].all(axis=1).any(axis=1)
-    return any(
-        seen and not look.cap_seen[end] for seen, look in zip(beyond, looks, strict=True)
-    )
+    return any(seen and not look.cap_seen[end] for seen, look in zip(beyond, looks, strict=True))

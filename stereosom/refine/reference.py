@@ -7,6 +7,8 @@ and as many around the tip's.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.spatial import cKDTree
@@ -130,7 +132,9 @@ def outline(
     pull = np.einsum("kij,ki->kj", jacobian, normals)
     grow = np.sum(pull * normal, axis=1)
     turn = np.zeros_like(pull)
-    turn[2 * n :] = -radius * np.sum(pull * tangents[owner], axis=1)[2 * n :, None] * normal[2 * n :]
+    turn[2 * n :] = (
+        -radius * np.sum(pull * tangents[owner], axis=1)[2 * n :, None] * normal[2 * n :]
+    )
     bend = np.zeros(len(picture))
     for piece in pieces(n):
         bend[piece] = _bend(picture[piece], normals[piece])
@@ -158,7 +162,12 @@ def contour(pixels: Floats) -> tuple[Floats, Floats]:
     at = np.unique(cells[:, 1] * width + cells[:, 0])  # in one order, whatever theirs is
     inside[at] = 1
     points, directions = [], []
-    for step, across in ((1, (0.5, 0.0)), (-1, (-0.5, 0.0)), (width, (0.0, 0.5)), (-width, (0.0, -0.5))):  # noqa: E501
+    for step, across in (
+        (1, (0.5, 0.0)),
+        (-1, (-0.5, 0.0)),
+        (width, (0.0, 0.5)),
+        (-width, (0.0, -0.5)),
+    ):
         edge = inside[at + step] == 0
         points.append(np.column_stack([at[edge] % width, at[edge] // width]) + across)
         away = np.zeros((int(edge.sum()), 2))
@@ -176,15 +185,13 @@ def contour(pixels: Floats) -> tuple[Floats, Floats]:
 def owners(samples: int) -> Integers:
     """Sample of the curve that each point of an outline belongs to."""
     every = np.arange(samples)
-    return np.concatenate(
-        [every, every, np.full(CAP_POINTS, 0), np.full(CAP_POINTS, samples - 1)]
-    )
+    return np.concatenate([every, every, np.full(CAP_POINTS, 0), np.full(CAP_POINTS, samples - 1)])
 
 
 def pieces(samples: int) -> tuple[slice, slice, slice, slice]:
     """Both rims and both flat ends among the points of an outline."""
     stops = [0, samples, 2 * samples, 2 * samples + CAP_POINTS, 2 * samples + 2 * CAP_POINTS]
-    left, right, base, tip = (slice(a, b) for a, b in zip(stops[:-1], stops[1:], strict=True))
+    left, right, base, tip = (slice(a, b) for a, b in pairwise(stops))
     return left, right, base, tip
 
 

@@ -1,0 +1,175 @@
+"""Where a fit begins, and what is tried where it ends oddly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..backbone import Backbone
+from ..matching import space_curve
+from ..middle_line import middle_line
+from ..observation import Observation
+from ..reconstruction import HardFrame
+from .contour import Contour, mask_contour
+from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
+from .reach import other_ends
+
+_SAMPLES = 200
+# Pixels of a mask this near to the border of the view are cut off there, and show no edge, px.
+_CUT_OFF = 2.5
+# Where steps get smaller than this, px, a fit from afar ends, and one that is followed.
+_SETTLED_PX, _FOLLOWED_PX = 0.05, 0.15
+# An odd end is tried otherwise so often, as long as that costs so much less than before.
+_TRIES, _BETTER = 4, 0.9
+# A fit that misses so much of its outline, in half widths, or so many of the edges, as a share,
+# may follow something else than the device.
+_MISSED, _STRAY = 6.0, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class TubeSearch:
+    """The search for the tube that an observation shows.
+
+    Attributes
+    ----------
+    seen : Observation
+        Trimmed to the stretch that both views share.
+    edges : pair of Contour
+        Without where the border of a view cuts the device off.
+    at_border : pair of (n, 2) arrays
+        Points of the contours where it does, px.
+    radius : float, optional
+        Of the device, mm, where it is known.
+    segments : int
+        Pieces of the spline.
+    """
+
+    seen: Observation
+    edges: tuple[Contour, Contour]
+    at_border: tuple[Floats, Floats]
+    radius: float | None
+    segments: int
+
+    @classmethod
+    def of(cls, seen: Observation, radius: float | None, segments: int) -> TubeSearch:
+        """Find the edges of both masks."""
+        contour_a, contour_b = mask_contour(seen.pixels_a), mask_contour(seen.pixels_b)
+        cut_a = seen.at_border("a", contour_a.points, _CUT_OFF)
+        cut_b = seen.at_border("b", contour_b.points, _CUT_OFF)
+        edges = contour_a.where(~cut_a), contour_b.where(~cut_b)
+        return cls(
+            seen, edges, (contour_a.points[cut_a], contour_b.points[cut_b]), radius, segments
+        )
+
+    def anywhere(self) -> TubeFit:
+        """Fit from the matched middle lines of both masks."""
+        curve, radius = _first_curve(self.seen)
+        return self._with_better_ends(self._fit(curve, radius, FROM_AFAR))
+
+    def near(self, start: Backbone) -> TubeFit:
+        """Fit from where the device is expected; anywhere, where it does not seem to be there."""
+        curve = start.polyline(_SAMPLES)
+        radius = _width_radius(self.seen, curve)
+        fit = self._fit(curve, radius, ON_TRACK, settled_px=_FOLLOWED_PX)
+        if not fit.ends_seen:
+            with suppress(HardFrame):
+                fit = min(fit, self._fit(curve, radius, FROM_NEAR), key=_cost)
+        fit = self._with_better_ends(fit)
+        if _misses(fit):
+            with suppress(HardFrame):
+                fit = min(fit, self.anywhere(), key=_cost)
+        return fit
+
+    def _fit(self, curve: Floats, radius: float, gates: Sequence[float], **details: Any) -> TubeFit:
+        radius = self.radius or radius
+        opened = self._opened(curve, radius)
+        return fit_tube(
+            self.seen.rig,
+            self.edges,
+            curve,
+            radius,
+            capped=(not opened[0], not opened[1]),
+            radius_known=self.radius is not None,
+            segments=self.segments,
+            gates=gates,
+            **details,
+        )
+
+    def _opened(self, curve: Floats, radius: float) -> tuple[bool, bool]:
+        """Whether the device goes on at the base and at the tip, beyond the border of a view."""
+        opened = np.zeros(2, dtype=bool)
+        rig, ends = self.seen.rig, curve[[0, -1]]
+        for camera, pixels in zip((rig.a, rig.b), self.at_border, strict=True):
+            if len(pixels):
+                # A middle line ends half a width before the device does.
+                width = 2 * radius / camera.pixel_size(ends)
+                for end, place in enumerate(camera.project(ends)):
+                    near = float(np.linalg.norm(pixels - place, axis=1).min())
+                    opened[end] |= near < 1.5 * width[end] + 3
+        return bool(opened[0]), bool(opened[1])
+
+    def _with_better_ends(self, fit: TubeFit) -> TubeFit:
+        """The best of fits that begin with an odd end otherwise."""
+        for end in (0, 1):
+            for _ in range(_TRIES):
+                if not fit.end_is_odd(end):
+                    break
+                before = fit
+                fit = self._other_end(fit, end)
+                if fit.cost > _BETTER * before.cost:
+                    break
+        return fit
+
+    def _other_end(self, fit: TubeFit, end: int) -> TubeFit:
+        """The best of what is tried for an end, up to the first that is not odd."""
+        best = fit
+        for start in other_ends(self.seen.rig, fit.tube, fit.looks, end):
+            for passes in (15, 0):
+                with suppress(HardFrame):
+                    other = self._fit(start, fit.radius, FROM_CLOSE, passes=passes)
+                    best = min(best, other, key=_cost)
+            if not best.end_is_odd(end):
+                break
+        return best
+
+
+def _cost(fit: TubeFit) -> float:
+    return fit.cost
+
+
+def _misses(fit: TubeFit) -> bool:
+    """Whether much of the outline shows no edges, or many edges belong nowhere."""
+    missed = sum(look.unseen_px(fit.tube.capped) for look in fit.looks)
+    return missed > _MISSED * fit.looks[0].half_width or any(
+        look.stray > _STRAY for look in fit.looks
+    )
+
+
+def _first_curve(seen: Observation) -> tuple[Floats, float]:
+    """Points (n, 3) along the matched middle lines, mm, and the device's radius, mm."""
+    line_a, line_b = middle_line(seen.pixels_a), middle_line(seen.pixels_b)
+    points, _ = space_curve(seen.rig, line_a.points, line_b.points)
+    radii = [
+        line.width / 2 * float(camera.pixel_size(points).mean())
+        for line, camera in ((line_a, seen.rig.a), (line_b, seen.rig.b))
+    ]
+    try:
+        return Backbone.fit_spline(points, 20).polyline(_SAMPLES), float(np.mean(radii))
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise HardFrame(f"the two views' lines make no curve in space ({error})") from None
+
+
+def _width_radius(seen: Observation, curve: Floats) -> float:
+    """Radius of a filled device that follows a curve (n, 3), by the area of its masks, mm."""
+    radii = []
+    for camera, pixels in ((seen.rig.a, seen.pixels_a), (seen.rig.b, seen.pixels_b)):
+        steps = np.linalg.norm(np.diff(camera.project(curve), axis=0), axis=1)
+        half_width = len(pixels) / max(float(steps.sum()), 1.0) / 2
+        radii.append(half_width * float(camera.pixel_size(curve).mean()))
+    # Dirt adds to an area, and holes take from it; a device that went is no wide one.
+    return float(min(radii))
