@@ -1,0 +1,7 @@
+"""From a picture of an endoscope to a mask: by the background, by color, or by edges."""
+
+from .color import Box, Stroke
+from .edges import edge_mask
+from .segmenter import segmenter
+
+__all__ = ["Box", "Stroke", "edge_mask", "segmenter"]

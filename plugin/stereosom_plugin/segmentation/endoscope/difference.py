@@ -1,0 +1,78 @@
+"""How far a picture is from its background."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from stereosom_plugin.errors import InputError
+
+from .frame import Light
+
+# Share of the shorter side over which a background is taken for even, and the pixels per side of
+# the small picture on which that is done.
+EVEN_OVER, SMALL_SIDE = 0.12, 240
+# A shadow darkens all colors alike, by no more than this, and no less alike than that.
+DEEPEST_SHADOW, ALIKE = 0.45, 0.06
+
+
+def plain_background(picture: Light) -> Light:
+    """What lies behind a thin device where nothing else is known: the median around each pixel.
+
+    Parameters
+    ----------
+    picture : (rows, columns, channels) array
+    """
+    factor = max(1, min(picture.shape[:2]) // SMALL_SIDE)
+    small = picture[::factor, ::factor]
+    side = max(3, round(EVEN_OVER * min(small.shape[:2])) | 1)
+    smooth = ndimage.median_filter(small, size=(side, side, 1), mode="nearest")
+    rows = np.minimum(np.arange(picture.shape[0]) // factor, len(smooth) - 1)
+    columns = np.minimum(np.arange(picture.shape[1]) // factor, smooth.shape[1] - 1)
+    return np.asarray(smooth[rows][:, columns])
+
+
+def difference(picture: Light, background: Light) -> Light:
+    """Largest difference over the colors, (rows, columns), 0 to 1; shadows make none.
+
+    The background is brought to the picture's exposure first, each color by the median quotient.
+
+    Parameters
+    ----------
+    picture, background : (rows, columns, channels) array
+
+    Raises
+    ------
+    InputError
+        Where the background has another size.
+
+    Examples
+    --------
+    >>> empty = np.full((20, 20, 3), 0.5, dtype=np.float32)
+    >>> seen = empty.copy()
+    >>> seen[5] = 0.1, 0.1, 0.3  # a bluish line
+    >>> seen[9] *= 0.7  # a shadow
+    >>> difference(seen, empty)[[5, 9], 0].round(2).tolist()
+    [0.4000000059604645, 0.0]
+    """
+    if picture.shape != background.shape:
+        sizes = ["×".join(map(str, one.shape[1::-1])) for one in (background, picture)]
+        raise InputError(
+            "background",
+            f"is {sizes[0]} with {background.shape[2]} colors, the frame {sizes[1]} with "
+            f"{picture.shape[2]}",
+            "give the empty scene as the same camera saw it",
+        )
+    lit = background.min(axis=2) > 0.05
+    gain = np.ones(picture.shape[2], dtype=np.float32)
+    if lit.sum() > 100:
+        gain = np.median(picture[lit] / background[lit], axis=0)
+        gain = np.where((gain > 0.5) & (gain < 2), gain, 1).astype(np.float32)
+    expected = background * gain
+    apart = np.abs(picture - expected).max(axis=2)
+    if picture.shape[2] == 3:
+        quotient = (picture + 0.02) / (expected + 0.02)
+        darkest, brightest = quotient.min(axis=2), quotient.max(axis=2)
+        shadow = (darkest > DEEPEST_SHADOW) & (brightest < 1) & (brightest - darkest < ALIKE)
+        apart[shadow] = 0
+    return np.asarray(apart, dtype=np.float32)
