@@ -1,0 +1,469 @@
+"""The parts of the joint fit: known answers, derivatives, and the compiled kernels."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from stereosom import Camera, reconstruct
+from stereosom.refine import kernels as choice
+from stereosom.refine import reference
+from stereosom.refine.contour import Contour, mask_contour
+from stereosom.refine.fit import _ends_shown
+from stereosom.refine.look import Look, Tube
+from stereosom.refine.reach import seen_stretch
+from stereosom.refine.spline import spline_basis
+from stereosom.synthetic import arc, converging_rig, observe
+
+RIG = converging_rig(60)
+CAPPED = np.array([True, True])
+BASIS = spline_basis(8)
+
+
+def straight(start, stop, radius=2.0, capped=(True, True), basis=BASIS):
+    """A tube along a line."""
+    return Tube.of(basis, basis.control_points(np.linspace(start, stop, 100)), radius, capped)
+
+
+def outline_of(tube, camera):
+    return reference.outline(
+        camera.projection,
+        camera.center,
+        tube.curve,
+        tube.tangents,
+        tube.radius,
+        np.array(tube.capped),
+    )
+
+
+def straight_mask(camera, start, stop, radius):
+    """Pixels of a straight, flat-ended tube: the convex hull of its two end circles' pictures."""
+    along = np.subtract(stop, start) / np.linalg.norm(np.subtract(stop, start))
+    beside = np.cross(along, [0.36, 0.48, 0.8])
+    beside /= np.linalg.norm(beside)
+    angle = np.linspace(0, 2 * np.pi, 400, endpoint=False)[:, None]
+    circle = radius * (np.cos(angle) * beside + np.sin(angle) * np.cross(along, beside))
+    hull = ConvexHull(camera.project(np.vstack([start + circle, stop + circle])))
+    width, height = camera.image_size
+    pixels = np.indices((height, width))[::-1].reshape(2, -1).T.astype(float)
+    low, high = hull.points.min(axis=0), hull.points.max(axis=0)
+    pixels = pixels[np.all((pixels >= low) & (pixels <= high), axis=1)]
+    outside = pixels @ hull.equations[:, :2].T + hull.equations[:, 2]
+    return pixels[outside.max(axis=1) < 0]
+
+
+def seen(start, stop, radius=2.0):
+    """Contours of a straight tube in both views of RIG."""
+    return tuple(mask_contour(straight_mask(view, start, stop, radius)) for view in (RIG.a, RIG.b))
+
+
+def looks_at(tube, contours, gate=12.0):
+    return tuple(
+        Look.at(tube, camera, contour, gate)
+        for camera, contour in zip((RIG.a, RIG.b), contours, strict=True)
+    )
+
+
+# ---- the outline -----------------------------------------------------------------------
+
+
+def test_the_rims_of_an_upright_tube_are_its_tangent_planes():
+    # Seen across from a distance d, planes through the camera touch a tube of radius r at an
+    # angle asin(r/d) from its middle: f r / √(d² − r²) in the picture, all the way up.
+    tube = straight([0, 0, 20], [0, 0, 130], radius=7.0)
+    picture, normals, *_ = outline_of(tube, RIG.a)
+    left, right, *_ = reference.pieces(len(tube.curve))
+    reach = 2400 * 7 / np.sqrt(700**2 - 7**2)
+    middle = RIG.a.project(tube.curve)[:, 0]
+    sides = np.stack([picture[left, 0] - middle, picture[right, 0] - middle])
+    np.testing.assert_allclose(np.sort(sides, axis=0), [[-reach], [reach]] * np.ones_like(middle))
+    np.testing.assert_allclose(np.abs(normals[: 2 * len(middle), 0]), 1)
+    assert np.all(np.sign(normals[left, 0]) == np.sign(sides[0]))
+
+
+def test_an_outline_is_as_wide_as_the_hull_of_both_end_circles():
+    # A convex tube's outline, caps and all, lies on the hull of its two end circles' pictures.
+    tube = straight([-20, 5, 40], [25, -10, 100], radius=4.0)
+    for camera in (RIG.a, RIG.b):
+        picture, *_ = outline_of(tube, camera)
+        pixels = straight_mask(camera, tube.curve[0], tube.curve[-1], 4.0)
+        hull = ConvexHull(np.vstack([pixels + corner for corner in np.eye(2) - 0.5]))
+        outside = (picture @ hull.equations[:, :2].T + hull.equations[:, 2]).max(axis=1)
+        assert np.abs(outside).max() < 1.0  # the hull of pixels, to a pixel
+        around = ConvexHull(picture)
+        assert around.volume == pytest.approx(len(pixels), rel=0.005)  # a 2D volume is an area
+
+
+def test_nothing_is_near_a_flat_end_that_is_none():
+    picture, *_ = outline_of(straight([0, 0, 20], [0, 0, 130], capped=(False, True)), RIG.a)
+    _, _, base, tip = reference.pieces(BASIS.samples)
+    assert np.all(picture[base] == reference.NOWHERE)
+    assert np.all(np.abs(picture[tip]) < 2000)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(0, 10**6),
+    st.sampled_from([0.05, 0.5, 3.0, 8.0]),
+    st.sampled_from(["curve", "radius", "tangents"]),
+)
+def test_the_outline_moves_as_its_derivatives_say(seed, radius, moved):
+    rng = np.random.default_rng(seed)
+    camera, curve, tangents = random_scene(rng, tilt=rng.uniform(0.3, np.pi / 2))
+    _, normals, pull, turn, grow, _ = reference.outline(
+        camera.projection, camera.center, curve, tangents, radius, CAPPED
+    )
+    owner, h = reference.owners(len(curve)), 1e-4
+    shift = rng.normal(size=(len(curve), 3))
+    if moved == "curve":
+        expected = np.sum(pull * shift[owner], axis=1)
+    elif moved == "radius":
+        expected = grow
+    else:  # a tangent turns by its change across itself
+        shift -= np.sum(shift * tangents, axis=1, keepdims=True) * tangents
+        expected = np.sum(turn * shift[owner], axis=1)
+    places = []
+    for sign in (1, -1):
+        turned = tangents + sign * h * shift * (moved == "tangents")
+        places.append(
+            reference.outline(
+                camera.projection,
+                camera.center,
+                curve + sign * h * shift * (moved == "curve"),
+                turned / np.linalg.norm(turned, axis=1, keepdims=True),
+                radius + sign * h * (moved == "radius") * min(radius, 1.0),
+                CAPPED,
+            )[0]
+        )
+    step = h * (min(radius, 1.0) if moved == "radius" else 1.0)
+    outward = np.sum((places[0] - places[1]) * normals, axis=1) / (2 * step)
+    np.testing.assert_allclose(outward, expected, rtol=1e-4, atol=1e-4)
+
+
+# ---- edges, and what they belong to ----------------------------------------------------
+
+
+def test_the_contour_of_one_pixel_is_its_four_sides():
+    contour = mask_contour(np.array([[7.0, 3.0]]))
+    assert sorted(map(tuple, contour.points)) == [(6.5, 3.0), (7.0, 2.5), (7.0, 3.5), (7.5, 3.0)]
+    np.testing.assert_allclose(contour.directions, 2 * (contour.points - [7, 3]))
+
+
+def test_a_contour_depends_neither_on_the_order_of_pixels_nor_on_repeats():
+    pixels = straight_mask(RIG.a, np.array([0, 0, 40.0]), np.array([10, 5, 90.0]), 2.0)
+    mixed = np.random.default_rng(0).permutation(np.vstack([pixels, pixels[::3]]))
+    one, other = mask_contour(pixels), mask_contour(mixed)
+    np.testing.assert_array_equal(one.points, other.points)
+    np.testing.assert_array_equal(one.directions, other.directions)
+
+
+def test_the_edges_of_a_half_plane_point_straight_out_of_it():
+    x, y = np.meshgrid(np.arange(40.0), np.arange(20.0))
+    contour = mask_contour(np.column_stack([x.ravel(), y.ravel()]))
+    top = (contour.points[:, 1] == -0.5) & (np.abs(contour.points[:, 0] - 19.5) < 14)
+    np.testing.assert_allclose(contour.directions[top], [[0, -1]] * top.sum(), atol=1e-12)
+
+
+def test_edges_on_the_outline_have_no_residual_and_those_beside_it_their_distance():
+    tube = straight([0, 0, 20], [0, 0, 130])
+    picture, normals, *_, bend = outline_of(tube, RIG.a)
+    n = len(tube.curve)
+    for beside in (-1.5, 0.0, 2.0):
+        nearest, residual = reference.match(
+            picture, normals, bend, n, picture + beside * normals, normals, 7.0, 10.0
+        )
+        rims = slice(0, 2 * n)
+        np.testing.assert_array_equal(nearest[rims], np.arange(2 * n))
+        np.testing.assert_allclose(residual[rims], beside, atol=1e-9)
+
+
+def test_edges_that_face_the_other_way_belong_nowhere():
+    picture, normals, *_, bend = outline_of(straight([0, 0, 20], [0, 0, 130]), RIG.a)
+    nearest, residual = reference.match(
+        picture[:5], normals[:5], bend[:5], 5, picture[:5], -normals[:5], 2.0, 30.0
+    )
+    assert np.all(nearest == -1)
+    assert np.all(residual == 0)
+
+
+def test_the_normal_equations_bring_a_shifted_tube_back_in_one_step():
+    """Edges straight from the outline of the true tube; the step is a shift of the whole."""
+    true = straight([-5, 3, 30], [8, -4, 120])
+    shift = np.array([0.15, -0.1, 0.2])
+    placed = Tube(true.curve + shift, true.velocity, true.radius, true.capped)
+    together = np.vstack([np.tile(np.eye(3), (BASIS.count, 1)), np.zeros((1, 3))])
+    matrix, side = np.zeros((3, 3)), np.zeros(3)
+    for camera in (RIG.a, RIG.b):
+        picture, normals, *_ = outline_of(true, camera)
+        look = Look.at(placed, camera, Contour(picture, normals), 5.0)
+        parts = reference.assemble(
+            BASIS.values, BASIS.slopes, BASIS.first, placed.speed,
+            look.pull, look.turn, look.grow, look.weight, look.total,
+        )  # fmt: skip
+        matrix += together.T @ parts[0] @ together
+        side += together.T @ parts[1]
+    np.testing.assert_allclose(np.linalg.solve(matrix, side), -shift, atol=0.02)
+
+
+def test_a_covariance_goes_along_the_curve_as_its_basis():
+    # Where all control points move as one, with covariance C, so does every sample.
+    one = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, -0.2], [0.1, -0.2, 0.5]])
+    everywhere = np.tile(one, (BASIS.count, BASIS.count))
+    along = reference.along(BASIS.values, BASIS.first, everywhere)
+    np.testing.assert_allclose(along, np.tile(one, (BASIS.samples, 1, 1)))
+
+
+def rounded(picture, together=12):
+    """Variance that an even edge shares, per edge point, in the middle of a rim."""
+    n = len(picture)
+    caps = np.zeros((2 * reference.CAP_POINTS, 2))
+    everything = np.vstack([picture, picture, caps])
+    normals = np.tile([0.6, 0.8], (len(everything), 1))
+    shared = reference.rounding(everything, normals, np.ones(len(everything)), n, together)
+    return shared[n // 2] / together
+
+
+def test_an_edge_along_a_row_of_pixels_is_rounded_as_a_whole():
+    x = np.arange(100.0)
+    found = rounded(np.column_stack([x * 0.9, 0 * x + 7.3]))
+    # 1/12 = Σ 1/(2π²h²), of which the first terms are taken.
+    h = np.arange(1, reference.HARMONICS + 1)
+    assert found == pytest.approx(np.sum(1 / (2 * np.pi**2 * h**2)), rel=1e-6)
+    assert found == pytest.approx(1 / 12, rel=0.2)
+
+
+def test_the_rounding_of_an_edge_across_the_pixels_averages_out():
+    x = np.arange(100.0) * 0.64
+    assert rounded(np.column_stack([x, x])) < 1e-6  # 45°
+    slow = rounded(np.column_stack([x, 0.02 * x]))  # a pixel's step in 78 points
+    assert 0.01 < slow < 1 / 12
+
+
+# ---- how far the device reaches --------------------------------------------------------
+
+
+BASE, TIP = np.array([-5.0, 3, 30]), np.array([8.0, -4, 120])
+LONG = float(np.linalg.norm(TIP - BASE))
+
+
+def reached(start, stop):
+    """Where a curve from `start` to `stop`, shares of the device, is cut or lengthened to, mm."""
+    along = TIP - BASE
+    contours = seen(BASE, TIP)
+    tube = straight(BASE + start * along, BASE + stop * along, basis=spline_basis(24))
+    curve = seen_stretch(RIG, contours, tube, looks_at(tube, contours), 12.0)
+    return (curve[[0, -1]] - BASE) @ along / LONG
+
+
+def test_a_curve_that_is_too_long_is_cut_to_what_is_seen():
+    base, tip = reached(-0.2, 1.25)
+    assert abs(base) < 4.0  # a width: the flat ends tell the rest
+    assert abs(tip - LONG) < 4.0
+
+
+def test_a_curve_that_is_too_short_is_lengthened_to_what_is_seen():
+    base, tip = reached(0.1, 0.9)
+    assert abs(base) < 4.0
+    assert abs(tip - LONG) < 4.0
+
+
+def test_a_curve_that_fits_stays_as_it_is():
+    base, tip = reached(0.0, 1.0)
+    assert abs(base) < 0.1
+    assert abs(tip - LONG) < 0.1
+
+
+def test_where_one_view_sees_the_device_go_on_the_others_end_is_a_hole():
+    contour_a, contour_b = seen(BASE, TIP)
+    tube = straight(BASE, TIP - 2.0 * (TIP - BASE) / LONG)  # between both views' ends
+    pixels = straight_mask(RIG.a, BASE, TIP, 2.0)
+    hidden = np.linalg.norm(pixels - RIG.a.project(TIP[None]), axis=1) < 13
+    cut_short = mask_contour(pixels[~hidden])
+    assert _ends_shown(RIG, tube, looks_at(tube, (contour_a, contour_b))) == ((True, True),) * 2
+    looks = looks_at(tube, (cut_short, contour_b))
+    assert _ends_shown(RIG, tube, looks) == ((True, False), (True, True))
+
+
+# ---- the compiled kernels --------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def compiled():
+    pytest.importorskip("numba", reason="numba, which is optional, is not installed")
+    from stereosom.refine import compiled
+
+    return compiled
+
+
+def random_scene(rng, tilt):
+    """A camera, and a curve that leaves its axis at an angle `tilt` and bends at random."""
+    rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    rotation *= np.linalg.det(rotation)
+    size = (1024, 768)
+    focal, depth = rng.uniform(500, 4000), rng.uniform(200, 1000)
+    place = rng.normal(0, 20, 3) + np.array([0, 0, depth])
+    intrinsics = np.array([[focal, 0, 511.5], [0, focal, 383.5], [0, 0, 1]])
+    camera = Camera.from_pose(intrinsics, rotation, place, size)
+    s = np.linspace(0, 1, BASIS.samples)[:, None]
+    way = np.array([np.sin(tilt), 0, np.cos(tilt)])
+    seen_from = 60 * s * way + rng.normal(0, 4) * s**2 * [0, 1, 0] * np.sin(tilt)
+    points = (seen_from + rng.normal(0, 5, 3) * (tilt > 0.01)) @ rotation
+    velocity = np.gradient(points, axis=0, edge_order=2)
+    return camera, points, velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
+
+
+# From across to a thousandth of a radian beside end-on; from a hair to as thick as a finger.
+SEEDS = st.integers(0, 10**6)
+TILTS = st.one_of(st.floats(0.2, np.pi / 2), st.floats(1e-3, 0.2))
+RADII = st.sampled_from([1e-6, 1e-3, 0.5, 3.0, 10.0])
+ENDS = st.tuples(st.booleans(), st.booleans())
+often = settings(max_examples=40, deadline=None)
+
+
+def edges_near(rng, picture, normals):
+    """Edges about an outline: some on it, some beside, some turned, some anywhere."""
+    kept = np.abs(picture).max(axis=1) < 1e6
+    at = rng.choice(np.flatnonzero(kept), 300)
+    points = picture[at] + rng.normal(size=(300, 2)) * rng.choice([0.3, 3, 30], 300)[:, None]
+    turned = normals[at] + rng.normal(size=(300, 2)) * rng.choice([0.05, 2], 300)[:, None]
+    return points, turned / np.linalg.norm(turned, axis=1, keepdims=True)
+
+
+def assert_same(one, other, tolerance=1e-9):
+    for ours, theirs in zip(one, other, strict=True):
+        scale = max(1.0, float(np.abs(theirs[np.abs(theirs) < 1e8]).max(initial=0.0)))
+        np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=tolerance * scale)
+
+
+@often
+@given(SEEDS, TILTS, RADII, ENDS)
+def test_compiled_outline(compiled, seed, tilt, radius, capped):
+    camera, curve, tangents = random_scene(np.random.default_rng(seed), tilt)
+    given_to = (camera.projection, camera.center, curve, tangents, radius, np.array(capped))
+    assert_same(compiled.outline(*given_to), reference.outline(*given_to))
+
+
+@often
+@given(SEEDS, st.sampled_from([0.01, 0.3, 0.6, 0.99]), st.integers(1, 40), st.integers(1, 40))
+def test_compiled_contour(compiled, seed, filled, width, height):
+    rng = np.random.default_rng(seed)
+    row, column = np.nonzero(rng.random((height, width)) < filled)
+    if len(row) == 0:
+        row, column = np.array([0]), np.array([0])
+    pixels = np.column_stack([column, row]) + rng.integers(-50, 1000, 2).astype(float)
+    pixels = rng.permutation(pixels)
+    found, expected = compiled.contour(pixels), reference.contour(pixels)
+    np.testing.assert_array_equal(found[0], expected[0])
+    np.testing.assert_allclose(found[1], expected[1], atol=1e-12)
+
+
+@often
+@given(SEEDS, TILTS, RADII, st.sampled_from([2.0, 7.0, 40.0]), st.sampled_from([1.0, 8.0, 60.0]))
+def test_compiled_match(compiled, seed, tilt, radius, turning, reach):
+    rng = np.random.default_rng(seed)
+    camera, curve, tangents = random_scene(rng, tilt)
+    picture, normals, *_, bend = reference.outline(
+        camera.projection, camera.center, curve, tangents, radius, CAPPED
+    )
+    points, directions = edges_near(rng, picture, normals)
+    given_to = (picture, normals, bend, len(curve), points, directions, turning, reach)
+    found, expected = compiled.match(*given_to), reference.match(*given_to)
+    same = found[0] == expected[0]
+    # Of two that are as near, to rounding, either may be the nearest.
+    for i in np.flatnonzero(~same):
+        away = [
+            np.hypot(
+                np.linalg.norm(points[i] - picture[k]),
+                turning * np.linalg.norm(directions[i] - normals[k]),
+            )
+            for k in (found[0][i], expected[0][i])
+        ]
+        assert away[0] == pytest.approx(away[1], rel=1e-9)
+    np.testing.assert_allclose(found[1][same], expected[1][same], atol=1e-9)
+
+
+@often
+@given(
+    SEEDS,
+    st.floats(0.05, np.pi / 2),
+    st.sampled_from([0.5, 3.0]),
+    ENDS,
+    st.sampled_from([0.0, 4.0, 40.0]),
+)  # noqa: E501
+def test_compiled_look(compiled, seed, tilt, radius, capped, gate):
+    rng = np.random.default_rng(seed)
+    camera, curve, tangents = random_scene(rng, tilt)
+    view = (camera.projection, camera.center, curve, tangents, radius, np.array(capped))
+    edges = edges_near(rng, *reference.outline(*view)[:2])
+    assert_same(compiled.look(*view, *edges, gate), reference.look(*view, *edges, gate), 1e-7)
+
+
+@often
+@given(SEEDS, st.integers(4, 30))
+def test_compiled_sums(compiled, seed, segments):
+    rng, basis = np.random.default_rng(seed), spline_basis(segments)
+    n, k = basis.samples, 2 * basis.samples + 2 * reference.CAP_POINTS
+    tangents = rng.normal(size=(n, 3))
+    assert_same(
+        [compiled.sliding(basis.values, basis.first, tangents)],
+        [reference.sliding(basis.values, basis.first, tangents)],
+    )
+    covariance = rng.normal(size=(3 * basis.count, 3 * basis.count))
+    assert_same(
+        [compiled.along(basis.values, basis.first, covariance)],
+        [reference.along(basis.values, basis.first, covariance)],
+    )
+    weight = rng.random(k) * (rng.random(k) < 0.7)
+    given_to = (
+        basis.values, basis.slopes, basis.first, rng.uniform(1, 100, n), rng.normal(size=(k, 3)),
+        np.vstack([np.zeros((2 * n, 3)), rng.normal(size=(k - 2 * n, 3))]), rng.normal(size=k),
+        weight, weight * rng.normal(size=k),
+    )  # fmt: skip
+    assert_same(compiled.assemble(*given_to), reference.assemble(*given_to))
+
+
+@often
+@given(SEEDS, TILTS, RADII, st.integers(1, 20))
+def test_compiled_rounding(compiled, seed, tilt, radius, together):
+    rng = np.random.default_rng(seed)
+    camera, curve, tangents = random_scene(rng, tilt)
+    picture, normals, *_ = reference.outline(
+        camera.projection, camera.center, curve, tangents, radius, CAPPED
+    )
+    weight = rng.random(len(picture)) * (rng.random(len(picture)) < 0.7)
+    given_to = (picture, normals, weight, len(curve), together)
+    assert_same([compiled.rounding(*given_to)], [reference.rounding(*given_to)])
+
+
+# ---- numba is a choice -----------------------------------------------------------------
+
+
+@pytest.fixture
+def without_numba(monkeypatch):
+    choice.kernels.cache_clear()
+    monkeypatch.setattr(choice, "find_spec", lambda name: None)
+    yield
+    monkeypatch.undo()
+    choice.kernels.cache_clear()
+
+
+def test_all_works_alike_without_numba(without_numba, monkeypatch):
+    shown = observe(arc(60, 90), 1.0, RIG)
+    assert choice.kernels() is reference
+    plain = reconstruct(shown)
+    assert plain.ok, plain.reason
+    monkeypatch.undo()
+    choice.kernels.cache_clear()
+    again = reconstruct(shown)
+    np.testing.assert_allclose(plain.backbone.sample(50), again.backbone.sample(50), atol=1e-6)
+    np.testing.assert_allclose(plain.covariance, again.covariance, rtol=1e-3, atol=1e-9)
+
+
+def test_importing_the_core_does_not_import_numba():
+    script = "import sys, stereosom; print('numba' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stdout.strip() == "False", done.stdout + done.stderr
