@@ -172,7 +172,7 @@ def test_a_frame_without_a_device_is_carried_over_and_the_others_are_written(
     assert main(["fluoroscopy", str(study), "--output", str(tmp_path / "out")]) == 0
     table = rows(tmp_path / "out")
     assert [row["status"] for row in table] == ["ok", "ok", "predicted", "ok", "ok", "ok"]
-    assert table[2]["reason"] == "view b: no device in the picture; carried on from frame 1"
+    assert table[2]["reason"].endswith("no device in the picture; carried on from frame 1")
     assert float(table[2]["sigma_mm"]) > float(table[1]["sigma_mm"])
     series = (tmp_path / "out" / "centerlines.pvd").read_text()
     assert series.count("<DataSet") == 6

@@ -40,7 +40,9 @@ _TURNING = 5.0
 # A step may slide along the curve only this weakly; a share of how strongly it is held across.
 _SLIDING = 0.01
 # A flat end whose squared residuals are so many times those of all is odd.
-_ODD = 2.0
+_ODD, _ODD_PX2 = 2.0, 2.0
+# The flat end of a device of a smaller half width is too small to judge, px.
+_NARROW_PX = 2.0
 # What the evidence most often finds for a spline's roughness, times its stiffness, px².
 _ROUGHNESS_PX2 = 2.0
 # Without a gate no step is longer than this, px.
@@ -98,8 +100,9 @@ class TubeFit:
             piece = pieces(look.samples)[2 + end]
             weight = float(look.weight[piece].sum())
             spread = float(look.squares.sum()) / max(float(look.weight.sum()), 1e-9)
-            odd = float(look.squares[piece].sum()) > _ODD * spread * weight
-            if odd or not look.cap_seen[end]:
+            odd = float(look.squares[piece].sum()) > _ODD * spread * weight + _ODD_PX2
+            unseen = not look.cap_seen[end] and look.half_width > _NARROW_PX
+            if odd or unseen:
                 return True
         return False
 
