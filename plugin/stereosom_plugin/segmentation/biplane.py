@@ -11,10 +11,11 @@ from stereosom.backbone import Backbone
 from stereosom.camera import Camera, StereoRig
 from stereosom_plugin.acquisition import Acquisition, FramePair
 
-from .both_views import agreeing, end_caps
+from .both_views import agreeing
+from .faces import add_faces
 from .picture import Mask
 from .tube import Tube
-from .xray import Candidate, View, candidates, empty_mask, fill, fit, prepare
+from .xray import Candidate, View, candidates, fill, fit, prepare, within
 
 # What is found in the band is believed where its length and absorption have changed by less than
 # these shares.
@@ -58,14 +59,10 @@ class BiplaneSegmenter:
         )
         self.tubes = self._followed(views, pair.rig, expected) or _searched(*views, pair.rig)
         tube_a, tube_b = self.tubes
-        caps = ((0.0, 0.0), (0.0, 0.0))
+        masks = (fill(views[0], tube_a), fill(views[1], tube_b))
         if tube_a is not None and tube_b is not None:
-            caps = end_caps(pair.rig, tube_a, tube_b)
-        mask_a, mask_b = (
-            empty_mask(view) if tube is None else fill(view, tube, cap)
-            for view, tube, cap in zip(views, self.tubes, caps, strict=True)
-        )
-        return mask_a, mask_b
+            add_faces(pair.rig, views, (tube_a, tube_b), masks)
+        return within(views[0], masks[0]), within(views[1], masks[1])
 
     def _followed(
         self, views: tuple[View, View], rig: StereoRig, expected: Backbone | None

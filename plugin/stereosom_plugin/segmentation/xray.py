@@ -11,10 +11,10 @@ from scipy import ndimage
 from stereosom.arrays import Floats, check_array
 
 from .chains import Chain, find_chains
-from .free_ends import roundness, sharpen_ends
+from .free_ends import sharpen_ends
 from .picture import Gray, Mask, binned, checked, darkest, in_polygon, log_light
 from .ridges import SCALES, find_ridges
-from .tube import Tube, draw, end_face, fit_tube
+from .tube import Tube, draw, fit_tube
 
 # The search is made where the longer side of the picture has about so many pixels.
 SEARCH_SIDE = 512
@@ -24,8 +24,6 @@ WIDEST = 12.0
 LEAST_ALONE = 0.25
 # Greatest variation of the absorption along a device, as a share of it.
 MOST_VARIATION = 0.35
-# An end face that reaches less far into the picture, px, changes nothing.
-LEAST_CAP = 0.2
 # A line that comes so near to the border of the field, px of the search, goes on beyond.
 AT_BORDER = 5.0
 # Half the width of the band about where the device was, px of the search.
@@ -114,13 +112,8 @@ def segment_xray(
             continue
         tube = fit(view, candidate)
         if tube is not None:
-            return fill(view, tube)
-    return empty_mask(view)
-
-
-def empty_mask(view: View) -> Mask:
-    """Mask of a picture in which no device is seen."""
-    return np.zeros(view.picture.shape, dtype=bool)
+            return within(view, fill(view, tube))
+    return fill(view, None)
 
 
 def prepare(image: Any, *, field_of_view: Any | None = None, width_px: float | None = None) -> View:
@@ -193,15 +186,19 @@ def fit(view: View, candidate: Candidate, blur: float | None = None) -> Tube | N
     )
 
 
-def fill(view: View, tube: Tube, caps: tuple[float, float] = (0.0, 0.0)) -> Mask:
-    """Mask of a tube: its pixels within the field, folded ends included."""
+def fill(view: View, tube: Tube | None) -> Mask:
+    """Mask of a tube, its pixels within the picture, folded ends included; empty without one."""
     rows, columns = view.picture.shape
+    if tube is None:
+        return np.zeros((rows, columns), dtype=bool)
     mask = draw(tube, (rows, columns))
     sharpen_ends(mask, view.picture, tube)
-    for end, reach in zip((0, -1), caps, strict=True):
-        if reach > LEAST_CAP and not tube.enters[end]:
-            flat = 1 - roundness(view.picture, tube, end)
-            mask |= end_face(tube, end, reach * flat, mask.shape)
+    return mask
+
+
+def within(view: View, mask: Mask) -> Mask:
+    """Take out, in place, what lies beyond the field of a view."""
+    rows, columns = view.picture.shape
     if view.field_of_view is None and view.margin.min() < 1:
         lit = np.kron(view.margin >= 1, np.ones((4 * view.factor,) * 2, dtype=bool))
         mask &= lit[:rows, :columns]
