@@ -41,7 +41,8 @@ class Tube:
     @cached_property
     def speed(self) -> Floats:
         """Length of the derivative at the samples, mm."""
-        return np.maximum(np.sqrt(np.einsum("ni,ni->n", self.velocity, self.velocity)), 1e-9)
+        squared = np.einsum("ni,ni->n", self.velocity, self.velocity)
+        return np.asarray(np.maximum(np.sqrt(squared), 1e-9))
 
     @property
     def length(self) -> float:
@@ -119,7 +120,7 @@ class Look:
         """
         if camera.depth(tube.curve).min() <= 2 * tube.radius:
             raise HardFrame("the fit runs behind a camera")
-        *arrays, numbers = kernels().look(
+        picture, normals, pull, turn, grow, weight, total, squares, numbers = kernels().look(
             camera.projection,
             camera.center,
             tube.curve,
@@ -131,7 +132,10 @@ class Look:
             float(gate or 0.0),
         )
         noise, stray, half_width = (float(number) for number in numbers)
-        return cls(*arrays, noise=noise, stray=stray, half_width=half_width, edges=len(contour))
+        return cls(
+            picture, normals, pull, turn, grow, weight, total, squares,
+            noise, stray, half_width, edges=len(contour),
+        )  # fmt: skip
 
     @property
     def samples(self) -> int:

@@ -146,5 +146,5 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
 
 def _goes_on(rims: Booleans, looks: tuple[Look, Look], end: int, at: int, outward: int) -> bool:
     """Whether a view that shows no flat end where the fit has put it shows both rims beyond."""
-    beyond = rims[:, :, at + outward :: outward].all(axis=1).any(axis=1)
+    beyond: Booleans = np.any(np.all(rims[:, :, at + outward :: outward], axis=1), axis=1)
     return any(seen and not look.cap_seen[end] for seen, look in zip(beyond, looks, strict=True))

@@ -100,7 +100,7 @@ def outline(
         ray = curve + radius * normal - center
         surface_normals.append(normal)
         along.append(np.cross(normal, ray))
-    caps = []
+    caps: list[slice] = []
     for end, outward in ((0, -1.0), (len(curve) - 1, 1.0)):
         # The half that lies ahead in the picture: over the side towards the camera or not.
         _, jacobian = _project(projection, curve[end : end + 1])
@@ -295,12 +295,12 @@ def look(
     if len(residual):
         holding = max(float(np.mean((1 - far) * weight**2)), 0.1)
         noise = float(np.mean((weight * residual) ** 2)) * float(weight.mean()) / holding**2
-    k = len(picture)
+    sums = [
+        np.asarray(np.bincount(nearest, summand, len(picture)), dtype=np.float64)
+        for summand in (weight, weight * residual, weight * residual**2)
+    ]
     return (
-        picture, normals, pull, turn, grow,
-        np.bincount(nearest, weight, k),
-        np.bincount(nearest, weight * residual, k),
-        np.bincount(nearest, weight * residual**2, k),
+        picture, normals, pull, turn, grow, sums[0], sums[1], sums[2],
         np.array([noise, 1 - len(residual) / max(len(points), 1), half_width]),
     )  # fmt: skip
 
@@ -434,7 +434,7 @@ def _bend(picture: Floats, normals: Floats) -> Floats:
         gained[1:-1] = held[2:] - held[:-2]
         gained[0], gained[-1] = held[1] - held[0], held[-1] - held[-2]
     length = np.maximum(np.sum(step**2, axis=1), 1e-12)
-    return np.clip(np.sum(turned * step, axis=1) / length, -SHARPEST, SHARPEST)
+    return np.asarray(np.clip(np.sum(turned * step, axis=1) / length, -SHARPEST, SHARPEST))
 
 
 def _spacing(picture: Floats, samples: int) -> Floats:

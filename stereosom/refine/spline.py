@@ -48,7 +48,7 @@ class SplineBasis:
         self.first: Integers = np.minimum((at * segments).astype(np.int64), segments - 1)
         third = np.diff(np.eye(self.count), 3, axis=0)
         self.roughness: Floats = third.T @ third
-        self._from_samples: Floats = np.linalg.pinv(self.values)
+        self._from_samples: Floats = np.asarray(np.linalg.pinv(self.values), dtype=np.float64)
         for array in (self.knots, self.values, self.slopes, self.first):
             array.setflags(write=False)
 
