@@ -21,6 +21,9 @@ from .refine.search import TubeSearch
 METHOD = "joint-spline"
 
 _COVARIANCES = 100
+# The picture of a flat end does not change in proportion to its tilt, as a covariance takes it
+# to: its deviation grows by this factor, which is measured (`stereosom experiment coverage`).
+_END_FACTOR = 1.5
 # So many pixels, evenly drawn, tell how much lies beside the device.
 _DRAWN = 600
 _LITTLE_STRAY = 0.1
@@ -167,7 +170,7 @@ def _cut_at_borders(
     # the view, to a pixel.
     along = np.einsum("ni,nij,nj->n", tangents, covariance, tangents)[[0, -1]]
     pixel = float(seen.rig.a.pixel_size(fit.backbone.coefficients[:1])[0])
-    along = np.where(opened, pixel**2, along)
+    along = np.where(opened, pixel**2, _END_FACTOR**2 * along)
     direction = tangents[:, :, None] * tangents[:, None, :]
     project = np.eye(3) - direction
     weight = (arc_length / arc_length[-1])[:, None, None]
@@ -175,7 +178,7 @@ def _cut_at_borders(
     held += ((1 - weight) * along[0] + weight * along[1]) * direction
     for end in (0, -1):
         if not opened[end]:
-            held[end] = covariance[end]
+            held[end] = _END_FACTOR**2 * covariance[end]
     at = start + np.linspace(0, 1, _COVARIANCES) * backbone.length
     at *= arc_length[-1] / fit.backbone.length
     place = np.clip(np.searchsorted(arc_length, at) - 1, 0, len(arc_length) - 2)
