@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from stereosom.arrays import Booleans, Floats
 from stereosom.camera import Camera, StereoRig, triangulate
@@ -20,12 +21,14 @@ from .picture import Mask
 # So far before its end, in radii, the middle line of the view that is looked along is believed;
 # over so many before that the depth is begun.
 BACK, BEGUN = 4.0, 8.0
-# Reach of the fold, radii, and greatest number of pixels that are compared.
-FOLD, MOST_PIXELS = 9.0, 1200
+# Reach of the fold, radii.
+FOLD = 9.0
+# Pixels that are compared beside the mask: so many around it, and every which beyond.
+BESIDE, SPARSE = 3, 4
 # Steps along the tail, ends that are tried at first, and how many of those are followed up.
 STEPS, STARTS, FOLLOWED = 24, 13, 2
 # Softness of the edges while fitting, px, and how the depth is kept smooth, px² per px².
-SOFT, STIFF = 1.5, 2e-2
+SOFT, STIFF = 1.5, np.array([0.04, 0.01, 0.04])
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +44,23 @@ class EndView:
 class EndOn:
     """An end in space: its place, mm, the direction in which it points, and the fit's misfit.
 
-    `misfit` is the share of the pixels compared that the tube does not explain.
+    `tail` (n, 3), mm, is the axis of the stretch before it; `misfit` the share of the pixels
+    compared that the tube does not explain.
     """
 
-    place: Floats
-    heading: Floats
+    tail: Floats
     misfit: float
+
+    @property
+    def place(self) -> Floats:
+        """Center of the face, mm."""
+        return np.asarray(self.tail[-1])
+
+    @property
+    def heading(self) -> Floats:
+        """Direction at the end, of length one."""
+        heading = self.tail[-1] - self.tail[-3]
+        return np.asarray(heading / np.linalg.norm(heading))
 
     def face(self, camera: Camera, radius: float) -> Floats:
         """Outline (n, 2), px, of the flat face at the end, of a radius in px."""
@@ -94,10 +108,7 @@ def find_end(rig: StereoRig, along: EndView, beside: EndView, mask: Mask) -> End
         ((model.cost(start), tuple(start)) for start in model.starts()), key=lambda one: one[0]
     )
     best = min((model.settled(np.array(s)) for _, s in starts[:FOLLOWED]), key=lambda one: one[0])
-    points = model.points(best[1])
-    heading = points[-1] - points[-3]
-    heading /= np.linalg.norm(heading)
-    return EndOn(points[-1], heading, best[0] / max(1, int(model.seen.sum())))
+    return EndOn(model.points(best[1]), best[0] / max(1, int(model.seen.sum())))
 
 
 def _matched(
@@ -145,14 +156,16 @@ class _Tail:
         end, reach = along.line[-1], FOLD * along.radius + 4
         low = np.clip(np.floor(end - reach).astype(int), 0, np.array(mask.shape[::-1]) - 1)
         high = np.clip(np.ceil(end + reach).astype(int) + 1, 1, mask.shape[::-1])
-        stride = max(1, int(np.ceil(np.sqrt(np.prod(high - low) / MOST_PIXELS))))
-        row, column = np.mgrid[low[1] : high[1] : stride, low[0] : high[0] : stride]
-        pixels = np.column_stack([column.ravel(), row.ravel()]).astype(float)
+        window = mask[low[1] : high[1], low[0] : high[0]]
+        # All pixels of the fold and beside it; of those that are merely empty, a few.
+        compared = ndimage.binary_dilation(window, iterations=BESIDE)
+        compared[::SPARSE, ::SPARSE] = True
+        row, column = np.nonzero(compared)
+        pixels = np.column_stack([column + low[0], row + low[1]]).astype(float)
         drawn = _covered(pixels, body[-round(reach) - round(BACK * along.radius) :], along.radius)
         kept = drawn < 0.99
         self.pixels, self.body = pixels[kept], drawn[kept]
-        at = pixels[kept].astype(int)
-        self.seen: Booleans = mask[at[:, 1], at[:, 0]]
+        self.seen: Booleans = window[row, column][kept]
 
     def points(self, bend: Floats) -> Floats:
         depth = self.level + self.slope * self.share + self.unit * (self.powers @ bend)

@@ -9,7 +9,7 @@ from .both_views import end_caps
 from .end_on import EndView, find_end
 from .free_ends import roundness
 from .picture import Mask
-from .tube import Tube, end_face
+from .tube import Tube, draw_line, end_face
 from .xray import View
 
 # A face that reaches less far into the picture, px, changes nothing.
@@ -57,6 +57,9 @@ def add_faces(
             )
             if found is None:
                 continue
+            masks[along][...] |= draw_line(
+                cameras[along].project(found.tail), float(tubes[along].radius[end]), masks[along].shape
+            )
             for side, which in ((along, end), (beside, other)):
                 radius = float(tubes[side].radius[which])
                 draw_outline(masks[side], found.face(cameras[side], radius))

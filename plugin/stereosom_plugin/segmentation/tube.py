@@ -126,6 +126,20 @@ def fit_tube(
     return Tube(middle, np.interp(place, steps[body], radius), absorption, found_blur, enters)
 
 
+def draw_line(line: Floats, radius: Floats | float, shape: tuple[int, ...]) -> Mask:
+    """Pixels whose centers lie beside a line (n, 2), px, by at most half its width (n,) or one."""
+    from skimage.draw import polygon
+
+    mask = np.zeros(shape, dtype=bool)
+    offset = np.broadcast_to(radius, len(line))[:, None] * _normals(line)
+    left, right = line + offset, line - offset
+    for start in range(0, len(line) - 1, 6):
+        part = slice(start, start + 7)
+        outline = np.concatenate([left[part], right[part][::-1]])
+        mask[polygon(outline[:, 1], outline[:, 0], shape)] = True
+    return mask
+
+
 def draw(tube: Tube, shape: tuple[int, int]) -> Mask:
     """Pixels whose centers a tube covers.
 
@@ -134,22 +148,13 @@ def draw(tube: Tube, shape: tuple[int, int]) -> Mask:
     tube : Tube
     shape : (rows, columns)
     """
-    from skimage.draw import polygon
-
-    mask = np.zeros(shape, dtype=bool)
     line = tube.line
     if any(tube.enters):  # beyond the border, so that no gap is left there
         line = _extended(line, 12)[0 if tube.enters[0] else 12 : None if tube.enters[1] else -12]
     radius = np.interp(
         np.linspace(0, 1, len(line)), np.linspace(0, 1, len(tube.radius)), tube.radius
     )
-    offset = radius[:, None] * _normals(line)
-    left, right = line + offset, line - offset
-    for start in range(0, len(line) - 1, 6):
-        part = slice(start, start + 7)
-        outline = np.concatenate([left[part], right[part][::-1]])
-        mask[polygon(outline[:, 1], outline[:, 0], shape)] = True
-    return mask
+    return draw_line(line, radius, shape)
 
 
 def end_face(tube: Tube, end: int, reach: float, shape: tuple[int, ...]) -> Mask:
