@@ -221,11 +221,11 @@ def _covered(pixels: Floats, line: Floats, radius: float) -> Floats:
     square = np.maximum((step**2).sum(axis=1), 1e-12)
     apart = pixels[:, None] - line[:-1]
     place = (apart * step).sum(axis=2) / square
-    held = np.clip(place, 0, 1)
-    held[:, -1] = np.maximum(place[:, -1], 0)
-    distance = np.linalg.norm(apart - held[..., None] * step, axis=2)
-    outside = distance - radius
+    distance = np.linalg.norm(apart - np.clip(place, 0, 1)[..., None] * step, axis=2)
+    outside = distance.min(axis=1) - radius
+    # What lies nearest to the last point, and beyond it, belongs to nothing.
     beyond = (place[:, -1] - 1) * np.sqrt(square[-1])
-    outside[:, -1] = np.maximum(outside[:, -1], beyond)
-    nearest = outside.min(axis=1)
-    return np.asarray(np.clip(0.5 - nearest / (2 * SOFT), 0, 1))
+    past = (beyond > 0) & (distance.argmin(axis=1) == len(step) - 1)
+    across = np.sqrt(np.maximum(distance[past, -1] ** 2 - beyond[past] ** 2, 0))
+    outside[past] = np.maximum(across - radius, beyond[past])
+    return np.asarray(np.clip(0.5 - outside / (2 * SOFT), 0, 1))
