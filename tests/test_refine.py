@@ -393,7 +393,7 @@ def test_compiled_match(compiled, seed, tilt, radius, turning, reach):
     st.sampled_from([0.5, 3.0]),
     ENDS,
     st.sampled_from([0.0, 4.0, 40.0]),
-)  # noqa: E501
+)
 def test_compiled_look(compiled, seed, tilt, radius, capped, gate):
     rng = np.random.default_rng(seed)
     camera, curve, tangents = random_scene(rng, tilt)
