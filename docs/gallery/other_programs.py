@@ -19,15 +19,15 @@ for name in ("curve.mrk.json", "run.seq.mrb", "run.glb", "run.html"):  # 3D Slic
     exports.export([polydata.to_centerline(result)], output / name)
     print(f"{name}: {exports.SUFFIXES['.' + name.partition('.')[2]]}")
 
-# Any VTK reader takes it from here: a tube as thick as the device, and its tangents.
+# Any VTK reader takes it from here: a tube as thick as the device, and its normals.
 line = pyvista.read(output / "centerline_0000.vtp")
-tangents = line.glyph(orient="FrenetTangent", scale=False, factor=4, tolerance=0.06)
+normals = line.glyph(orient="ParallelTransportNormals", scale=False, factor=5, tolerance=0.06)
 offscreen.prepare()
 plotter = pyvista.Plotter(off_screen=True, window_size=(800, 600))
 bar = {"title": "Curvature (1/mm)", "color": "black"}
 tube = line.tube(absolute=True, scalars="Radius")
 plotter.add_mesh(tube, scalars="Curvature", scalar_bar_args=bar)
-plotter.add_mesh(tangents, color="gray")
+plotter.add_mesh(normals, color="gray")
 plotter.show_axes()
 plotter.camera_position = "xz"
 plotter.screenshot(output / "other_programs.png")

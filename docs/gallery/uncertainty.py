@@ -21,6 +21,6 @@ for at, deviation in zip(s, result.standard_deviation_at(s), strict=True):
     print(f"at {at:5.1f} mm: ±{deviation:.2f} mm")
 print(f"{np.mean(~result.determined_at(result.backbone.arc_lengths(200))):.0%} undetermined")
 
-# Violet is where the device may be within two standard deviations; gray is not determined.
+# Gray is what the views leave open: along that stretch the depth is anyone's guess.
 picture = output / "uncertainty.png"
 render.scene(result, rig, picture, color_by="StandardDeviation", view="best", size=(800, 600))
