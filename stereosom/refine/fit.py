@@ -40,7 +40,7 @@ _TURNING = 5.0
 # A step may slide along the curve only this weakly; a share of how strongly it is held across.
 _SLIDING = 0.01
 # A flat end whose squared residuals are so many times those of all is odd.
-_ODD, _ODD_PX2 = 2.0, 2.0
+_ODD, _ODD_PX2 = 2.0, 1.0
 # The flat end of a device of a smaller half width is too small to judge, px.
 _NARROW_PX = 2.0
 # What the evidence most often finds for a spline's roughness, times its stiffness, px².
