@@ -216,7 +216,7 @@ class _Tail:
 
 
 def _covered(pixels: Floats, line: Floats, radius: float) -> Floats:
-    """How far pixels (n, 2) lie within a ribbon about a line, cut flat at its last point, 0 to 1."""
+    """How far pixels (n, 2) lie within a ribbon, cut flat at its line's last point, 0 to 1."""
     step = np.diff(line, axis=0)
     square = np.maximum((step**2).sum(axis=1), 1e-12)
     apart = pixels[:, None] - line[:-1]

@@ -52,13 +52,17 @@ def add_faces(
             found = find_end(
                 rig,
                 EndView(cameras[along], _to(tubes[along], end), float(tubes[along].radius[end])),
-                EndView(cameras[beside], _to(tubes[beside], other), float(tubes[beside].radius[other])),
+                EndView(
+                    cameras[beside], _to(tubes[beside], other), float(tubes[beside].radius[other])
+                ),
                 masks[along],
             )
             if found is None:
                 continue
             masks[along][...] |= draw_line(
-                cameras[along].project(found.tail), float(tubes[along].radius[end]), masks[along].shape
+                cameras[along].project(found.tail),
+                float(tubes[along].radius[end]),
+                masks[along].shape,
             )
             for side, which in ((along, end), (beside, other)):
                 radius = float(tubes[side].radius[which])
@@ -92,5 +96,7 @@ def _same_end(rig: StereoRig, tubes: tuple[Tube, Tube], along: int, end: int) ->
         return None
     cameras = (rig.a, rig.b)
     here = float(rig.epipolar_angle(cameras[along], tubes[along].line[[end]])[0])
-    there = [float(rig.epipolar_angle(cameras[beside], tubes[beside].line[[one]])[0]) for one in free]
+    there = [
+        float(rig.epipolar_angle(cameras[beside], tubes[beside].line[[one]])[0]) for one in free
+    ]
     return min(zip(free, there, strict=True), key=lambda one: abs(one[1] - here))[0]
