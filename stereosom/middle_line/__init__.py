@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from ..arrays import Booleans, Floats
 from ..reconstruction import HardFrame
-from .graph import prune, skeleton_chains
+from .graph import polyline_length, prune, skeleton_chains
 from .route import longest_route
 from .thinning import thin
 
@@ -19,6 +19,8 @@ __all__ = ["MiddleLine", "middle_line"]
 _THIN_WIDTH = 5.0
 # Pieces smaller than this share of the largest are dirt.
 _SMALLEST_PIECE = 0.05
+# Widths from point to point, and how many points there are at least and at most.
+_POINT_EVERY, _POINTS = 2.0, (120, 400)
 # A ragged mask of one device has some dozens; pruning takes the square of it.
 _MOST_BRANCHES = 500
 
@@ -31,7 +33,7 @@ class MiddleLine:
     width: float
 
 
-def middle_line(pixels: Floats, count: int = 120) -> MiddleLine:
+def middle_line(pixels: Floats, count: int | None = None) -> MiddleLine:
     """Find the way of a device through its mask.
 
     The mask is thinned; short dead ends are roughness and are taken off; where the device
@@ -41,8 +43,8 @@ def middle_line(pixels: Floats, count: int = 120) -> MiddleLine:
     ----------
     pixels : (n, 2) array
         Of a filled mask, in any order.
-    count : int
-        Number of points.
+    count : int, optional
+        Number of points. Default: two widths apart, but 120 at least and 400 at most.
 
     Returns
     -------
@@ -65,6 +67,8 @@ def middle_line(pixels: Floats, count: int = 120) -> MiddleLine:
     if len(route) < 2:
         raise HardFrame("the mask holds no line that could be a device")
     points = (route[:, ::-1] + 0.5) * factor - 0.5 + corner
+    if count is None:
+        count = int(np.clip(polyline_length(route) / (_POINT_EVERY * width), *_POINTS))
     return MiddleLine(_smooth(points, count, 0.7 * width * factor), width * factor)
 
 
