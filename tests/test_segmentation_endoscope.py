@@ -1,0 +1,110 @@
+"""Masks from an endoscope's pictures: by what lies behind, by color, by edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereosom_plugin.errors import InputError
+
+pytest.importorskip("skimage")
+from stereosom_plugin.segmentation.endoscope import segmenter
+
+ROWS = slice(28, 33)
+
+
+def tissue(seed: int = 0) -> np.ndarray:
+    """A reddish picture with some texture, (60, 80, 3)."""
+    rng = np.random.default_rng(seed)
+    picture = np.array([150, 70, 60]) + rng.normal(0, 2, (60, 80, 1))
+    return np.clip(picture, 0, 255).astype(np.uint8)
+
+
+def with_device(picture: np.ndarray) -> np.ndarray:
+    """The same with a bluish bar of five rows."""
+    seen = picture.copy()
+    seen[ROWS, 10:70] = 40, 60, 140
+    return seen
+
+
+def expected() -> np.ndarray:
+    mask = np.zeros((60, 80), dtype=bool)
+    mask[ROWS, 10:70] = True
+    return mask
+
+
+def test_a_known_background_leaves_the_device_in_each_eye():
+    left, right = segmenter(background=(tissue(1), tissue(2)))
+    assert np.array_equal(left(with_device(tissue(1))), expected())
+    assert np.array_equal(right(with_device(tissue(2))), expected())
+
+
+def test_another_exposure_than_the_backgrounds_is_no_device():
+    left, _ = segmenter(background=(tissue(), tissue()))
+    brighter = np.clip(with_device(tissue()) * 1.2, 0, 255).astype(np.uint8)
+    assert np.array_equal(left(brighter), expected())
+
+
+def test_a_shadow_is_no_device():
+    seen = with_device(tissue())
+    seen[45:52, 10:70] = (seen[45:52, 10:70] * 0.7).astype(np.uint8)
+    left, _ = segmenter(background=(tissue(), tissue()))
+    assert not left(seen)[40:].any()
+
+
+def test_a_highlight_within_the_device_belongs_to_it():
+    seen = with_device(tissue())
+    seen[30, 30:40] = 255
+    left, _ = segmenter(color_box=(12, 28, 10, 5), example=with_device(tissue()))
+    assert left(seen)[30, 30:40].all()
+
+
+@pytest.mark.parametrize(
+    "drawn", [{"color_box": (20, 26, 12, 9)}, {"stroke": [(15, 30), (60, 30)]}]
+)
+def test_color_is_learned_from_a_box_or_a_stroke(drawn):
+    left, right = segmenter(example=with_device(tissue()), **drawn)
+    for eye, seed in ((left, 3), (right, 4)):
+        assert np.array_equal(eye(with_device(tissue(seed))), expected())
+
+
+def test_an_empty_scene_has_no_device():
+    left, _ = segmenter(background=(tissue(), tissue()))
+    assert not left(tissue(5)).any()
+
+
+@pytest.mark.parametrize(
+    ("asked", "what"),
+    [
+        ({"edges": 12.0, "color_box": (0, 0, 5, 5)}, "exclude each other"),
+        ({"color_box": (200, 5, 5, 5), "example": tissue()}, "no part of the 80×60 picture"),
+        ({"color_box": (1, 1, 5, 5)}, "no picture to be learned from"),
+        ({"stroke": [(900, 900), (950, 900)], "example": tissue()}, "does not touch"),
+        ({"width_px": -1.0}, "no width"),
+    ],
+)
+def test_what_cannot_be_done_is_said(asked, what):
+    with pytest.raises(InputError, match=what):
+        segmenter(**asked)
+
+
+def test_a_background_of_another_size_is_refused():
+    left, _ = segmenter(background=(tissue()[:50], tissue()))
+    with pytest.raises(InputError, match="80×50 with 3 colors, the frame 80×60"):
+        left(tissue())
+
+
+def test_outer_and_inner_tube_of_a_real_robot_are_one_device(shared_data):
+    imread = pytest.importorskip("skimage.io").imread
+    folder = shared_data / "concentric_tube_robot_stereo"
+    names = ("left_0", "right_0", "background_left", "background_right")
+    left_0, right_0, left, right = (imread(folder / f"{name}.png")[..., :3] for name in names)
+    by_eye = segmenter(background=(left, right))
+    # Read off the pictures by eye: on the outer tube, on the inner one, and near the tip.
+    places = (((150, 522), (300, 562), (470, 672), (502, 730)),
+              ((150, 707), (300, 723), (540, 830), (619, 1000)))  # fmt: skip
+    for segment, picture, points in zip(by_eye, (left_0, right_0), places, strict=True):
+        rows, columns = np.nonzero(segment(picture))
+        for row, column in points:
+            assert np.hypot(rows - row, columns - column).min() < 12
+        assert len(rows) < 5000  # and little else
