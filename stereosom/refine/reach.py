@@ -131,7 +131,8 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     depth -= (depth @ tangent) * tangent
     depth *= tube.radius / max(float(np.linalg.norm(depth)), 1e-9)
     bent = np.maximum(1 - from_end, 0)[:, None] ** 2 * depth
-    others = [straight, 2 * straight - curve, curve + bent, curve - bent]
+    others = [straight, 2 * straight - curve]
+    others += [curve + share * bent for share in (1.0, -1.0, 0.5, -0.5)]
     speed = np.stack([np.linalg.norm(np.gradient(camera.project(curve), axis=0), axis=1)
                       for camera in (rig.a, rig.b)])  # fmt: skip
     telling = speed > _SHORTENED * speed.max(axis=0)
