@@ -23,7 +23,7 @@ print(f"{result.backbone.length:.1f} mm of 239 mm")
 
 line = polydata.to_centerline(result)
 views = [
-    render.overlaid(render.Overlay.of(line, picture, camera, view, f"view {view}"), size=(512, 384))
+    render.overlaid(render.Overlay.of(line, picture, camera, view, f"view {view}"), size=(448, 336))
     for picture, camera, view in zip(acquisition.read(0), (rig.a, rig.b), "ab", strict=True)
 ]
 render.write_picture(render.beside(views), output / "masks.png")
