@@ -10,10 +10,12 @@ from types import ModuleType
 @cache
 def kernels() -> ModuleType:
     """`compiled` or `reference`; made at first use, because importing numba takes a second."""
+    from . import reference
+
     if find_spec("numba") is None:
-        from . import reference
-
         return reference
-    from . import compiled
-
+    try:
+        from . import compiled
+    except RuntimeError:  # numba's, where no folder is left to keep compiled code in
+        return reference
     return compiled

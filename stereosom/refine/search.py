@@ -80,7 +80,7 @@ class TubeSearch:
             with suppress(HardFrame):
                 fit = min(fit, self._fit(curve, radius, FROM_NEAR), key=_cost)
         fit = self._with_better_ends(fit)
-        if _misses(fit):
+        if _misses(fit) or fit.end_is_odd(0) or fit.end_is_odd(1):
             with suppress(HardFrame):
                 fit = min(fit, self.anywhere(), key=_cost)
         return fit
