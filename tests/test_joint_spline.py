@@ -11,9 +11,9 @@ from stereosom.backbone import Backbone
 from stereosom.matching import match_monotone
 from stereosom.metrics import closest_on_curve, curve_errors
 from stereosom.middle_line import middle_line
-from stereosom.synthetic import arc, converging_rig, observe
 from stereosom.refine.contour import mask_contour
 from stereosom.refine.reference import outline
+from stereosom.synthetic import arc, converging_rig, observe
 
 # Mean at equal arc length and error of the tip, mm, without registration, ends included.
 TRUTH_TABLE = {

@@ -85,4 +85,6 @@ def round_step(span: float, steps: float) -> float:
     20.0
     """
     power = 10.0 ** np.floor(np.log10(span / steps))
-    return float(power * max(factor for factor in (1, 2, 5) if factor * power <= span / steps))
+    # The logarithm of a number just below a power of ten may be rounded up to it.
+    fitting = [factor for factor in (0.5, 1, 2, 5) if factor * power <= span / steps]
+    return float(power * max(fitting))
