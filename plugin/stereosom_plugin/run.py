@@ -31,7 +31,7 @@ def reconstruct_run(
     acquisition: Acquisition,
     folder: OutputFolder,
     *,
-    segment: Segment,
+    segment: Segment | tuple[Segment, Segment],
     frames: Sequence[int],
     method: str,
     options: Options,
@@ -47,8 +47,8 @@ def reconstruct_run(
     acquisition : Acquisition
     folder : OutputFolder
         Begun; frames that have a row in it are passed over.
-    segment : callable
-        Image to mask.
+    segment : callable or pair of callables
+        Image to mask, for both views, or one for each.
     frames : sequence of int
         Numbers of the frames that are wanted.
     method : str

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from . import demo, evaluate, experiment, export, fluoroscopy, masks, render, rig
+from . import demo, endoscopy, evaluate, experiment, export, fluoroscopy, masks, render, rig
 
 __all__ = ["COMMANDS", "Command"]
 
@@ -25,5 +25,5 @@ COMMANDS = {
     module.__name__.rpartition(".")[2]: Command(
         module.DOES, module.EXAMPLE, module.add_words, module.run
     )
-    for module in (fluoroscopy, masks, render, export, evaluate, rig, experiment, demo)
+    for module in (fluoroscopy, endoscopy, masks, render, export, evaluate, rig, experiment, demo)
 }

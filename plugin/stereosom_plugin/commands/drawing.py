@@ -146,18 +146,22 @@ def source_acquisition(folder: Path, rigs: Sequence[StereoRig]) -> tuple[str, Ac
         record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
         command = str(record["command"])
         paths = [Path(source["path"]) for source in record["inputs"]]
-        return command, _OPENERS[command](paths, tuple(rigs))
+        return command, _OPENERS[command](paths, tuple(rigs), record["options"])
     except (OSError, ValueError, KeyError, IndexError, TypeError):
         return command, None
 
 
-def _open_fluoroscopy(paths: list[Path], rigs: tuple[StereoRig, ...]) -> Acquisition:
+def _open_fluoroscopy(
+    paths: list[Path], rigs: tuple[StereoRig, ...], options: dict[str, Any]
+) -> Acquisition:
     from ..fluoroscopy import read_biplane
 
     return read_biplane(paths)
 
 
-def _open_masks(paths: list[Path], rigs: tuple[StereoRig, ...]) -> Acquisition:
+def _open_masks(
+    paths: list[Path], rigs: tuple[StereoRig, ...], options: dict[str, Any]
+) -> Acquisition:
     # The record holds all of view a, all of view b, and the rig's own file.
     half = len(paths) // 2
 
@@ -168,4 +172,27 @@ def _open_masks(paths: list[Path], rigs: tuple[StereoRig, ...]) -> Acquisition:
     return Acquisition(read, rigs, np.arange(half, dtype=float))
 
 
-_OPENERS = {"fluoroscopy": _open_fluoroscopy, "masks": _open_masks}
+def _open_endoscopy(
+    paths: list[Path], rigs: tuple[StereoRig, ...], options: dict[str, Any]
+) -> Acquisition:
+    from ..endoscopy import read_stereo
+
+    # The record holds all of the left eye, all of the right one, and the calibration's file.
+    *pictures, rig = paths
+    half = len(pictures) if options["layout"] else len(pictures) // 2
+    return read_stereo(
+        pictures[:half],
+        pictures[half:] or None,
+        rig,
+        layout=options["layout"],
+        right_first=options["right_first"],
+        rectified=options["rectified"],
+        check=False,
+    )
+
+
+_OPENERS = {
+    "fluoroscopy": _open_fluoroscopy,
+    "masks": _open_masks,
+    "endoscopy": _open_endoscopy,
+}

@@ -13,13 +13,14 @@ from stereosom.options import Options, Prior
 from stereosom.stereo_som import METHOD as STEREO_SOM
 from stereosom.stereo_som import StereoSomOptions
 
-from ..acquisition import Acquisition, Image
+from ..acquisition import Acquisition
 from ..centerline import read_vtp
 from ..errors import InputError, require
 from ..geometry_check import GeometryCheck
 from ..output import OutputFolder, Row, centerline_path
 from ..polydata import generator
 from ..run import Sampling, describe_inputs, reconstruct_run
+from ..segmentation import Segment
 from ..segmentation.show import MaskPictures
 from .drawing import draw
 
@@ -28,7 +29,7 @@ Arguments = argparse.Namespace
 
 def reconstruct_and_report(
     acquisition: Acquisition,
-    segment: Callable[[Image], Any],
+    segment: Segment | tuple[Segment, Segment],
     arguments: Arguments,
     *,
     check_geometry: bool = False,
@@ -88,7 +89,8 @@ def _options(arguments: Arguments) -> Options:
 def _record(acquisition: Acquisition, arguments: Arguments) -> dict[str, Any]:
     """What makes a call this call: the same one goes on where it stopped."""
     shaping = ("method", "nodes", "base", "direction", "length", "radius", "frames", "samples",
-               "spacing", "rate", "dsa", "refine_geometry", "segmenter")  # fmt: skip
+               "spacing", "rate", "dsa", "refine_geometry", "segmenter", "layout", "right_first",
+               "rectified", "background", "color_box", "width")  # fmt: skip
     inputs = list(acquisition.sources)
     if getattr(arguments, "rig", None):
         inputs.append(Path(arguments.rig))
