@@ -7,13 +7,16 @@ asserts nothing about time: compare the medians within a group. docs/experiments
 such a run.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from stereosom import Observation, Prior, StereoSomOptions
+from stereosom import Observation, Prior, StereoSomOptions, track
 from stereosom.baselines.epipolar_search import EpipolarSearchOptions, epipolar_search, match
 from stereosom.baselines.point_cloud_som import order_cloud
 from stereosom.baselines.voxel_carving import voxel_carving
+from stereosom.joint_spline import joint_spline
 from stereosom.som import Trainer, train_epoch
 from stereosom.stereo_som import stereo_som, train_stereo_map
 from stereosom.synthetic import converging_rig, growing_helix, observe
@@ -90,6 +93,7 @@ def test_correspondence_by_search(benchmark, count):
 
 
 WHOLE = {
+    "joint-spline": lambda: joint_spline(SEEN),
     "stereo-som, one pass as printed": lambda: stereo_som(
         SEEN, options=StereoSomOptions(prior=PRIOR, max_mismatch=0.01, reach_ends=False)
     ),
@@ -108,6 +112,16 @@ WHOLE = {
 @pytest.mark.benchmark(group="one frame from masks, whole methods")
 def test_whole_method(benchmark, method):
     benchmark.pedantic(WHOLE[method], rounds=3, iterations=1, warmup_rounds=1)
+
+
+@pytest.mark.benchmark(group="a hundred frames of a thin moving device")
+def test_tracking(benchmark):
+    shapes = [growing_helix(150 + 0.3 * k, 110, 0.9 + 0.001 * k) for k in range(100)]
+    seen = [observe(shape, 0.4, RIG, time=k / 30) for k, shape in enumerate(shapes)]
+    seen = [replace(one, index=k) for k, one in enumerate(seen)]
+    assert max(len(one.pixels_a) for one in seen) < 2000
+    run = benchmark.pedantic(lambda: list(track(seen)), rounds=3, iterations=1, warmup_rounds=1)
+    assert all(result.ok for result in run)
 
 
 def test_they_reconstruct_the_same_device():
