@@ -368,6 +368,7 @@ def test_a_folder_of_masks_with_an_empty_frame_first(mask_case, tmp_path, capsys
         (["--length", "-5"], "positive"),
         (["--direction", "0,0,0"], "must not be zero"),
         (["--base", "1,2"], "not X,Y,Z"),
+        (["--base", "a,b,c"], "not X,Y,Z"),
         (["--frames", "7:9"], "chooses none"),
         (["--frames", "3"], "not A:B"),
         (["--samples", "1"], "at least 2"),

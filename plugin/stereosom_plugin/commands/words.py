@@ -44,7 +44,10 @@ def add_run_words(
 
 
 def _vector(text: str) -> list[float]:
-    values = [float(part) for part in text.split(",")]
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
     if len(values) != 3:
         raise argparse.ArgumentTypeError(f"{text!r} is not X,Y,Z")
     return values
