@@ -1,0 +1,179 @@
+"""As `reference.edges`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..reference.edges import (
+    AGREEING,
+    ALONG_PX,
+    AROUND,
+    FARTHEST,
+    LEAST_SPREAD,
+    MARGIN,
+    NARROWEST_PX,
+    NEAR_PX,
+    SPREADS,
+    TURNED,
+    WIDEST_PX,
+)
+from ..reference.outline import CAP_POINTS
+from .numba_options import compiled
+from .outline import outline
+
+# Outline points are kept in cells of this size, px.
+CELL_PX = 8.0
+
+
+@compiled
+def contour(pixels):  # type: ignore[no-untyped-def]
+    """As `reference.contour`."""
+    left, top = np.floor(pixels[:, 0].min()) - MARGIN, np.floor(pixels[:, 1].min()) - MARGIN
+    width = int(np.rint(pixels[:, 0].max() - left)) + MARGIN + 1
+    height = int(np.rint(pixels[:, 1].max() - top)) + MARGIN + 1
+    inside = np.zeros(width * height, dtype=np.uint8)
+    at = np.empty(len(pixels), dtype=np.int64)
+    for i in range(len(pixels)):
+        column, row = int(np.rint(pixels[i, 0] - left)), int(np.rint(pixels[i, 1] - top))
+        at[i] = row * width + column
+        inside[at[i]] = 1
+    outer = np.zeros(width * height, dtype=np.uint8)
+    kept, count = 0, 0
+    for i in range(len(at)):
+        missing = 0
+        for step in (1, -1, width, -width):
+            missing += 1 - inside[at[i] + step]
+        if missing and not outer[at[i]]:
+            outer[at[i]] = 1
+            at[kept] = at[i]
+            kept += 1
+            count += missing
+    at = np.sort(at[:kept])
+    points, directions = np.empty((count, 2)), np.empty((count, 2))
+    k = 0
+    for step, across_x, across_y in (
+        (1, 0.5, 0.0),
+        (-1, -0.5, 0.0),
+        (width, 0.0, 0.5),
+        (-width, 0.0, -0.5),
+    ):
+        for i in range(kept):
+            if inside[at[i] + step]:
+                continue
+            points[k, 0] = at[i] % width + across_x + left
+            points[k, 1] = at[i] // width + across_y + top
+            x, y = 0.5 * across_x, 0.5 * across_y
+            for j in range(len(AROUND)):
+                near = at[i] + AROUND[j, 1] * width + AROUND[j, 0]
+                beside = inside[near] + inside[near + step]
+                x -= beside * AROUND[j, 0]
+                y -= beside * AROUND[j, 1]
+            length = max(np.sqrt(x**2 + y**2), 1e-9)
+            directions[k, 0], directions[k, 1] = x / length, y / length
+            k += 1
+    return points, directions
+
+
+@compiled
+def match(picture, normals, bend, samples, points, directions, turning, reach):  # type: ignore[no-untyped-def]
+    """As `reference.match`: the same nearest points, found in a grid of cells."""
+    count = len(picture)
+    spacing = np.zeros(count)
+    start = 0
+    for length in (samples, samples, CAP_POINTS, CAP_POINTS):
+        for k in range(start, start + length - 1):
+            step = np.hypot(picture[k + 1, 0] - picture[k, 0], picture[k + 1, 1] - picture[k, 1])
+            spacing[k], spacing[k + 1] = max(spacing[k], step), max(spacing[k + 1], step)
+        start += length
+    nearest = np.full(len(points), -1, dtype=np.int64)
+    residual = np.zeros(len(points))
+    cell = CELL_PX
+    rings = int(reach / cell) + 1
+    left, top = points[:, 0].min() - 2 * cell, points[:, 1].min() - 2 * cell
+    columns = int((points[:, 0].max() - left) / cell) + 3
+    rows = int((points[:, 1].max() - top) / cell) + 3
+    # Chains of outline points by cell: the last one in each, and the one before each.
+    last = np.full(rows * columns, -1, dtype=np.int32)
+    previous = np.full(count, -1, dtype=np.int32)
+    for k in range(count):
+        x, y = (picture[k, 0] - left) / cell, (picture[k, 1] - top) / cell
+        if 0 <= x < columns and 0 <= y < rows:
+            at = int(y) * columns + int(x)
+            previous[k], last[at] = last[at], k
+    turning_squared = turning**2
+    for i in range(len(points)):
+        px, py = points[i, 0], points[i, 1]
+        dx, dy = directions[i, 0], directions[i, 1]
+        column, row = int((px - left) / cell), int((py - top) / cell)
+        best, found = reach**2, -1
+        for ring in range(rings + 1):
+            # All beyond the rings that were searched are farther off than this.
+            if ring and best <= ((ring - 1) * cell) ** 2:
+                break
+            for near_row in range(max(row - ring, 0), min(row + ring + 1, rows)):
+                edge = near_row == row - ring or near_row == row + ring
+                for near_column in range(column - ring, column + ring + 1, 1 if edge else 2 * ring):
+                    if near_column < 0 or near_column >= columns:
+                        continue
+                    k = last[near_row * columns + near_column]
+                    while k >= 0:
+                        squared = (px - picture[k, 0]) ** 2 + (py - picture[k, 1]) ** 2
+                        if squared < best:
+                            turned = (dx - normals[k, 0]) ** 2 + (dy - normals[k, 1]) ** 2
+                            squared += turning_squared * turned
+                            if squared < best:
+                                best, found = squared, k
+                        k = previous[k]
+        if found < 0:
+            continue
+        nx, ny = normals[found, 0], normals[found, 1]
+        if dx * nx + dy * ny <= AGREEING:
+            continue
+        ox, oy = px - picture[found, 0], py - picture[found, 1]
+        along = nx * oy - ny * ox
+        if abs(along) >= spacing[found] + ALONG_PX:
+            continue
+        nearest[i] = found
+        residual[i] = ox * nx + oy * ny + 0.5 * bend[found] * along**2
+    return nearest, residual
+
+
+@compiled
+def look(projection, center, curve, tangents, radius, capped, points, directions, gate):  # type: ignore[no-untyped-def]
+    """As `reference.look`."""
+    picture, normals, pull, turn, grow, bend = outline(
+        projection, center, curve, tangents, radius, capped
+    )
+    half_width = radius * np.median(grow[: 2 * len(curve)])
+    turning = min(max(half_width, NARROWEST_PX), WIDEST_PX)
+    reach = (gate if gate > 0 else NEAR_PX) + TURNED * turning
+    nearest, residual = match(
+        picture, normals, bend, len(curve), points, directions, turning, reach
+    )
+    spread, limit = 0.0, gate
+    if gate <= 0:
+        found = np.abs(residual[nearest >= 0])
+        if len(found):
+            spread = max(LEAST_SPREAD, 1.4826 * np.median(found))
+            limit = max(FARTHEST, SPREADS * spread)
+    count = len(picture)
+    weight, total, squares = np.zeros(count), np.zeros(count), np.zeros(count)
+    kept, weights, pulls, holds = 0, 0.0, 0.0, 0.0
+    for i in range(len(points)):
+        k, r = nearest[i], residual[i]
+        if k < 0 or not abs(r) < limit:
+            continue
+        far = (r / (2 * spread)) ** 2 if spread > 0 else 0.0
+        w = 1 / (1 + far)
+        weight[k] += w
+        total[k] += w * r
+        squares[k] += w * r**2
+        kept += 1
+        weights += w
+        pulls += (w * r) ** 2
+        holds += (1 - far) * w**2
+    noise = 0.0
+    if kept:
+        noise = pulls / kept * (weights / kept) / max(holds / kept, 0.1) ** 2
+    numbers = np.array([noise, 1 - kept / max(len(points), 1), half_width])
+    return picture, normals, pull, turn, grow, weight, total, squares, numbers

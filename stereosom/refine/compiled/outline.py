@@ -1,0 +1,140 @@
+"""As `reference.outline`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..reference.outline import CAP_POINTS, NOWHERE, SHARPEST
+from .numba_options import compiled
+
+
+@compiled
+def outline(projection, center, curve, tangents, radius, capped):  # type: ignore[no-untyped-def]
+    """As `reference.outline`."""
+    n = len(curve)
+    count = 2 * n + 2 * CAP_POINTS
+    picture, normals = np.empty((count, 2)), np.empty((count, 2))
+    pull, turn = np.empty((count, 3)), np.zeros((count, 3))
+    grow, bend = np.empty(count), np.zeros(count)
+    toward, beside, normal, along, ahead = np.zeros((5, 3))
+    for i in range(n):
+        cosine, sine = _frame(center, curve[i], tangents[i], radius, toward, beside)
+        for side in range(2):
+            sign = 1.0 - 2.0 * side
+            for axis in range(3):
+                normal[axis] = cosine * toward[axis] + sign * sine * beside[axis]
+                along[axis] = curve[i, axis] + radius * normal[axis] - center[axis]
+            _cross(normal, along, along)
+            _point(projection, curve[i], radius, normal, along, ahead,
+                   side * n + i, picture, normals, pull, grow)  # fmt: skip
+    for cap in range(2):
+        end = 0 if cap == 0 else n - 1
+        outward = -1.0 if cap == 0 else 1.0
+        tangent = tangents[end]
+        cosine, sine = _frame(center, curve[end], tangent, radius, toward, beside)
+        x, y, depth = _project(projection, curve[end, 0], curve[end, 1], curve[end, 2])
+        leading = 0.0
+        for pixel, row in ((x, projection[0]), (y, projection[1])):
+            one, other = 0.0, 0.0
+            for axis in range(3):
+                slope = (row[axis] - pixel * projection[2, axis]) / depth
+                one += slope * tangent[axis]
+                other += slope * toward[axis]
+            leading += one * other
+        begin = np.arctan2(sine, cosine)
+        stop = -begin if outward * leading > 0 else 2 * np.pi - begin
+        for axis in range(3):
+            ahead[axis] = outward * tangent[axis]
+        for j in range(CAP_POINTS):
+            angle = begin + (j + 1) / (CAP_POINTS + 1) * (stop - begin)
+            for axis in range(3):
+                normal[axis] = np.cos(angle) * toward[axis] + np.sin(angle) * beside[axis]
+                along[axis] = np.cos(angle) * beside[axis] - np.sin(angle) * toward[axis]
+            k = 2 * n + cap * CAP_POINTS + j
+            _point(projection, curve[end], radius, normal, along, ahead,
+                   k, picture, normals, pull, grow)  # fmt: skip
+            lever = 0.0
+            for axis in range(3):
+                lever -= radius * pull[k, axis] * tangent[axis]
+            for axis in range(3):
+                turn[k, axis] = lever * normal[axis]
+    start = 0
+    for length in (n, n, CAP_POINTS, CAP_POINTS):
+        for k in range(start, start + length):
+            before, after = max(k - 1, start), min(k + 1, start + length - 1)
+            squared, bent = 1e-300, 0.0
+            for axis in range(2):
+                step = picture[after, axis] - picture[before, axis]
+                squared += step**2
+                bent += step * (normals[after, axis] - normals[before, axis])
+            bend[k] = min(max(bent / max(squared, 1e-12), -SHARPEST), SHARPEST)
+        start += length
+    for cap in range(2):
+        if not capped[cap]:
+            picture[2 * n + cap * CAP_POINTS : 2 * n + (cap + 1) * CAP_POINTS] = NOWHERE
+    return picture, normals, pull, turn, grow, bend
+
+
+@compiled
+def _frame(center, at, tangent, radius, toward, beside):  # type: ignore[no-untyped-def]
+    """Fill in unit vectors across the curve, toward the camera and beside; where the rim is."""
+    along, distance = 0.0, 0.0
+    for axis in range(3):
+        along += (at[axis] - center[axis]) * tangent[axis]
+    for axis in range(3):
+        toward[axis] = along * tangent[axis] - (at[axis] - center[axis])
+        distance += toward[axis] ** 2
+    distance = max(np.sqrt(distance), 1e-12)
+    for axis in range(3):
+        toward[axis] /= distance
+    _cross(tangent, toward, beside)
+    cosine = min(max(radius / distance, 0.0), 1.0)
+    return cosine, np.sqrt(1 - cosine**2)
+
+
+@compiled
+def _point(projection, at, radius, normal, along, ahead, k, picture, normals, pull, grow):  # type: ignore[no-untyped-def]
+    """Fill in one point of the outline."""
+    x, y, depth = _project(
+        projection,
+        at[0] + radius * normal[0],
+        at[1] + radius * normal[1],
+        at[2] + radius * normal[2],
+    )
+    dx, dy, out_x, out_y = 0.0, 0.0, 0.0, 0.0
+    for axis in range(3):
+        of_x = (projection[0, axis] - x * projection[2, axis]) / depth
+        of_y = (projection[1, axis] - y * projection[2, axis]) / depth
+        dx += of_x * along[axis]
+        dy += of_y * along[axis]
+        out_x += of_x * (normal[axis] + ahead[axis])
+        out_y += of_y * (normal[axis] + ahead[axis])
+    length = max(np.sqrt(dx**2 + dy**2), 1e-12)
+    nx, ny = dy / length, -dx / length
+    if nx * out_x + ny * out_y < 0:
+        nx, ny = -nx, -ny
+    picture[k, 0], picture[k, 1] = x, y
+    normals[k, 0], normals[k, 1] = nx, ny
+    grow[k] = 0.0
+    for axis in range(3):
+        of_x = (projection[0, axis] - x * projection[2, axis]) / depth
+        of_y = (projection[1, axis] - y * projection[2, axis]) / depth
+        pull[k, axis] = nx * of_x + ny * of_y
+        grow[k] += pull[k, axis] * normal[axis]
+
+
+@compiled
+def _project(projection, x, y, z):  # type: ignore[no-untyped-def]
+    """Pixel and depth."""
+    u = projection[0, 0] * x + projection[0, 1] * y + projection[0, 2] * z + projection[0, 3]
+    v = projection[1, 0] * x + projection[1, 1] * y + projection[1, 2] * z + projection[1, 3]
+    w = projection[2, 0] * x + projection[2, 1] * y + projection[2, 2] * z + projection[2, 3]
+    return u / w, v / w, w
+
+
+@compiled
+def _cross(a, b, product):  # type: ignore[no-untyped-def]
+    """Fill in the cross product, also where it takes the place of b."""
+    x, y = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2]
+    product[2] = a[0] * b[1] - a[1] * b[0]
+    product[0], product[1] = x, y

@@ -1,0 +1,27 @@
+"""What one view says of a tube, in the plainest numpy: `compiled` must give the same, faster.
+
+An outline is kept as arrays, a row for each of its points: first the left rim, a point for each
+of the n samples of the curve, then the right rim, then `CAP_POINTS` around the base's flat end
+and as many around the tip's.
+"""
+
+from .edges import contour, look, match
+from .equations import along, assemble, sliding
+from .noise import HARMONICS, rounding
+from .outline import CAP_POINTS, NOWHERE, outline, owners, pieces
+
+__all__ = [
+    "CAP_POINTS",
+    "HARMONICS",
+    "NOWHERE",
+    "along",
+    "assemble",
+    "contour",
+    "look",
+    "match",
+    "outline",
+    "owners",
+    "pieces",
+    "rounding",
+    "sliding",
+]

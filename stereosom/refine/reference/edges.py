@@ -1,0 +1,189 @@
+"""The edges of a mask, and where on a tube's outline each of them belongs."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...arrays import Booleans, Floats, Integers
+from .outline import outline, pieces
+
+# An edge belongs to a point of the outline only where their directions agree: cosine.
+AGREEING = 0.5
+# Along the outline it may lie this much farther than the next point, px.
+ALONG_PX = 3.0
+# A direction that is off counts as a distance by the device's half width, within these, px.
+NARROWEST_PX, WIDEST_PX = 2.0, 40.0
+# An edge and its place may differ in direction like so many half widths in place.
+TURNED = 0.75
+# Without a gate, edges are looked for this near, px; an edge cannot be told better than to
+# LEAST_SPREAD, and is no part that is farther off than this, in spreads and in px.
+NEAR_PX, LEAST_SPREAD, SPREADS, FARTHEST = 5.0, 0.5, 4.0, 2.0
+# The outward direction of a mask's edge is read off the pixels around it, within this distance.
+_AROUND_PX = 3
+MARGIN = _AROUND_PX + 2
+AROUND = np.array(
+    [
+        (x, y)
+        for y in range(-_AROUND_PX, _AROUND_PX + 1)
+        for x in range(-_AROUND_PX, _AROUND_PX + 1)
+        if 0 < x**2 + y**2 <= _AROUND_PX**2
+    ]
+)
+
+
+def contour(pixels: Floats) -> tuple[Floats, Floats]:
+    """Edge points of a mask, and the outward directions there; see `mask_contour`.
+
+    Parameters
+    ----------
+    pixels : (n, 2) array
+
+    Returns
+    -------
+    (m, 2) array, px; (m, 2) array of unit vectors
+    """
+    corner = np.floor(pixels.min(axis=0)) - MARGIN
+    cells = np.rint(pixels - corner).astype(np.int64)
+    width, height = cells.max(axis=0) + MARGIN + 1
+    inside = np.zeros(width * height, dtype=np.uint8)
+    at = np.unique(cells[:, 1] * width + cells[:, 0])  # in one order, whatever theirs is
+    inside[at] = 1
+    points, directions = [], []
+    for step, across in (
+        (1, (0.5, 0.0)),
+        (-1, (-0.5, 0.0)),
+        (width, (0.0, 0.5)),
+        (-width, (0.0, -0.5)),
+    ):
+        edge = inside[at + step] == 0
+        points.append(np.column_stack([at[edge] % width, at[edge] // width]) + across)
+        away = np.zeros((int(edge.sum()), 2))
+        for x, y in AROUND:
+            beside = inside[at[edge] + y * width + x].astype(float)
+            beside += inside[at[edge] + step + y * width + x]
+            away -= beside[:, None] * (float(x), float(y))
+        # Of a line of single pixels both sides look alike: then outward is away from the pixel.
+        directions.append(away + np.multiply(across, 0.5))
+    direction = np.vstack(directions)
+    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
+    return np.vstack(points) + corner, direction
+
+
+def match(
+    picture: Floats,
+    normals: Floats,
+    bend: Floats,
+    samples: int,
+    points: Floats,
+    directions: Floats,
+    turning: float,
+    reach: float,
+) -> tuple[Integers, Floats]:
+    """Find for each edge point the point of the outline that it belongs to, and its residual.
+
+    It is the nearest in place and direction: a direction that is off by an angle α counts like
+    a distance of 2 sin(α/2) times `turning`, px.
+
+    Parameters
+    ----------
+    picture, normals, bend
+        As from `outline`.
+    samples : int
+    points, directions : (m, 2) arrays
+        Of a contour, px, and unit vectors outward.
+    turning : float
+    reach : float
+        No partner is farther, px.
+
+    Returns
+    -------
+    (m,) array of int
+        Number of the point of the outline; −1 where there is none.
+    (m,) array
+        How far the edge lies outside of the outline, px.
+    """
+    tree = cKDTree(np.hstack([picture, turning * normals]))
+    _, found = tree.query(np.hstack([points, turning * directions]), distance_upper_bound=reach)
+    nearest = np.where(found < len(picture), found, -1).astype(np.int64)
+    offset = points - picture[nearest]
+    normal = normals[nearest]
+    along = normal[:, 0] * offset[:, 1] - normal[:, 1] * offset[:, 0]
+    outside = np.sum(offset * normal, axis=1) + 0.5 * bend[nearest] * along**2
+    agrees = np.sum(directions * normal, axis=1) > AGREEING
+    agrees &= np.abs(along) < _spacing(picture, samples)[nearest] + ALONG_PX
+    nearest[~agrees] = -1
+    return nearest, np.where(nearest >= 0, outside, 0.0)
+
+
+def look(
+    projection: Floats,
+    center: Floats,
+    curve: Floats,
+    tangents: Floats,
+    radius: float,
+    capped: Booleans,
+    points: Floats,
+    directions: Floats,
+    gate: float,
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
+    """Outline of a tube, and the sums over the edges that belong to each of its points.
+
+    Parameters
+    ----------
+    projection, center, curve, tangents, radius, capped
+        As of `outline`.
+    points, directions
+        As of `match`.
+    gate : float
+        As of `Look.at`; zero for none.
+
+    Returns
+    -------
+    picture, normals, pull, turn, grow, weight, total, squares : arrays
+        As in `Look`.
+    (3,) array
+        Noise, share of stray edges and half width, as in `Look`.
+    """
+    picture, normals, pull, turn, grow, bend = outline(
+        projection, center, curve, tangents, radius, capped
+    )
+    half_width = radius * float(np.median(grow[: 2 * len(curve)]))
+    turning = min(max(half_width, NARROWEST_PX), WIDEST_PX)
+    reach = (gate if gate > 0 else NEAR_PX) + TURNED * turning
+    nearest, residual = match(
+        picture, normals, bend, len(curve), points, directions, turning, reach
+    )
+    found = nearest >= 0
+    nearest, residual = nearest[found], residual[found]
+    spread, limit = 0.0, gate
+    if gate <= 0 and len(residual):
+        spread = max(LEAST_SPREAD, 1.4826 * float(np.median(np.abs(residual))))
+        limit = max(FARTHEST, SPREADS * spread)
+    kept = np.abs(residual) < limit
+    nearest, residual = nearest[kept], residual[kept]
+    far = (residual / (2 * spread)) ** 2 if spread > 0 else np.zeros(len(residual))
+    weight = 1 / (1 + far)
+    # P. J. Huber, "Robust Statistics", 1981, section 7.6: E ψ² / (E ψ')², where ψ is the
+    # weighted residual; times the mean weight, because it is divided by their sum.
+    noise = 0.0
+    if len(residual):
+        holding = max(float(np.mean((1 - far) * weight**2)), 0.1)
+        noise = float(np.mean((weight * residual) ** 2)) * float(weight.mean()) / holding**2
+    sums = [
+        np.asarray(np.bincount(nearest, summand, len(picture)), dtype=np.float64)
+        for summand in (weight, weight * residual, weight * residual**2)
+    ]
+    return (
+        picture, normals, pull, turn, grow, sums[0], sums[1], sums[2],
+        np.array([noise, 1 - len(residual) / max(len(points), 1), half_width]),
+    )  # fmt: skip
+
+
+def _spacing(picture: Floats, samples: int) -> Floats:
+    """Distance from each point of the outline to the farther of its neighbors, px."""
+    spacing = np.zeros(len(picture))
+    for piece in pieces(samples):
+        steps = np.linalg.norm(np.diff(picture[piece], axis=0), axis=1)
+        spacing[piece] = np.maximum(np.append(steps, 0.0), np.append(0.0, steps))
+    return spacing
