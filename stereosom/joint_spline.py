@@ -124,7 +124,7 @@ def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
         ("b", seen.rig.b, seen.pixels_b),
     )
     for (view, camera, pixels), look in zip(views, fit.looks, strict=True):
-        unseen = 1 - float(look.rims_seen().any(axis=0).mean())
+        unseen = 1 - float(look.rims_seen.any(axis=0).mean())
         if unseen > MOST_UNSEEN:
             raise HardFrame(
                 f"view {view}: the pixels fall into separate pieces ({unseen:.0%} of the curve "

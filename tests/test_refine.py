@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -194,27 +195,57 @@ def test_the_normal_equations_bring_a_shifted_tube_back_in_one_step():
     """Edges straight from the outline of the true tube; the step is a shift of the whole."""
     true = straight([-5, 3, 30], [8, -4, 120])
     shift = np.array([0.15, -0.1, 0.2])
-    placed = Tube(true.curve + shift, true.velocity, true.radius, true.capped)
+    placed = replace(true, curve=true.curve + shift)
     together = np.vstack([np.tile(np.eye(3), (BASIS.count, 1)), np.zeros((1, 3))])
     matrix, side = np.zeros((3, 3)), np.zeros(3)
     for camera in (RIG.a, RIG.b):
         picture, normals, *_ = outline_of(true, camera)
         look = Look.at(placed, camera, Contour(picture, normals), 5.0)
-        parts = reference.assemble(
-            BASIS.values, BASIS.slopes, BASIS.first, placed.speed,
-            look.pull, look.turn, look.grow, look.weight, look.total,
-        )  # fmt: skip
+        parts = reference.assemble(BASIS.values, BASIS.slopes, placed.speed, *look.equations)
         matrix += together.T @ parts[0] @ together
         side += together.T @ parts[1]
     np.testing.assert_allclose(np.linalg.solve(matrix, side), -shift, atol=0.02)
 
 
-def test_a_covariance_goes_along_the_curve_as_its_basis():
-    # Where all control points move as one, with covariance C, so does every sample.
-    one = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, -0.2], [0.1, -0.2, 0.5]])
-    everywhere = np.tile(one, (BASIS.count, BASIS.count))
-    along = reference.along(BASIS.values, BASIS.first, everywhere)
-    np.testing.assert_allclose(along, np.tile(one, (BASIS.samples, 1, 1)))
+def test_the_covariance_of_a_tube_seen_along_three_axes_is_that_of_its_points():
+    """Points of a rim pull along x, y and z in turn, each with the same weight.
+
+    Held evenly all along, a spline's samples are as sure as σ² over the weight that the basis
+    gathers there; and no direction is surer than another.
+    """
+    n, k = BASIS.samples, 2 * BASIS.samples + 2 * reference.CAP_POINTS
+    pull = np.zeros((k, 3))
+    pull[:n, 0], pull[n : 2 * n, 1] = 1.0, 1.0
+    other = np.zeros((k, 3))
+    other[:n, 2] = 1.0
+    weight = np.zeros(k)
+    weight[: 2 * n] = 1.0
+    turn, grow = np.zeros((k, 3)), np.zeros(k)
+    # Far apart and slanting, so that no rounding is shared.
+    picture = np.linspace(0.0, 1000.0, k)[:, None] * [1.0, 1.37]
+    outline = picture, np.tile([1.0, 0.0], (k, 1))
+    noise = 0.25
+    found = reference.covariance(
+        BASIS.values, BASIS.slopes, BASIS.first, np.full(n, 100.0), outline, outline,
+        (pull, turn, grow, weight, weight), (other, turn, grow, weight, weight),
+        1, noise, 1e6, False,
+    )  # fmt: skip
+    gathered = noise * np.linalg.inv(BASIS.values.T @ BASIS.values)
+    expected = np.einsum("nj,jk,nk->n", BASIS.values, gathered, BASIS.values)
+    for axis in range(3):
+        np.testing.assert_allclose(found[:, axis, axis], expected, rtol=0.05)
+    np.testing.assert_allclose(found[:, [0, 0, 1], [1, 2, 2]], 0.0, atol=1e-12)
+
+
+def test_likeness_of_residuals():
+    """Independent residuals are like nobody; four equal ones in a row count as one."""
+    n, k = 4000, 2 * 4000 + 2 * reference.CAP_POINTS
+    rng = np.random.default_rng(0)
+    weight = np.ones(k)
+    alone, together = rng.normal(size=k), np.repeat(rng.normal(size=k // 4), 4)
+    for residual, expected in ((alone, 1.0), (together, 4.0)):
+        likeness = reference.likeness(weight, residual, residual**2, n)
+        assert likeness == pytest.approx(expected, rel=0.1)
 
 
 def rounded(picture, together=12):
@@ -335,6 +366,7 @@ def edges_near(rng, picture, normals):
 
 def assert_same(one, other, tolerance=1e-9):
     for ours, theirs in zip(one, other, strict=True):
+        theirs = np.asarray(theirs)
         scale = max(1.0, float(np.abs(theirs[np.abs(theirs) < 1e8]).max(initial=0.0)))
         np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=tolerance * scale)
 
@@ -402,28 +434,62 @@ def test_compiled_look(compiled, seed, tilt, radius, capped, gate):
     assert_same(compiled.look(*view, *edges, gate), reference.look(*view, *edges, gate), 1e-7)
 
 
-@often
-@given(SEEDS, st.integers(4, 30))
-def test_compiled_sums(compiled, seed, segments):
-    rng, basis = np.random.default_rng(seed), spline_basis(segments)
-    n, k = basis.samples, 2 * basis.samples + 2 * reference.CAP_POINTS
-    tangents = rng.normal(size=(n, 3))
-    assert_same(
-        [compiled.sliding(basis.values, basis.first, tangents)],
-        [reference.sliding(basis.values, basis.first, tangents)],
-    )
-    covariance = rng.normal(size=(3 * basis.count, 3 * basis.count))
-    assert_same(
-        [compiled.along(basis.values, basis.first, covariance)],
-        [reference.along(basis.values, basis.first, covariance)],
-    )
+def random_equations(rng, n):
+    """Pull, turn, grow, weight and total of an outline that never was."""
+    k = 2 * n + 2 * reference.CAP_POINTS
+    turn = np.vstack([np.zeros((2 * n, 3)), rng.normal(size=(k - 2 * n, 3))])
     weight = rng.random(k) * (rng.random(k) < 0.7)
+    return rng.normal(size=(k, 3)), turn, rng.normal(size=k), weight, weight * rng.normal(size=k)
+
+
+@often
+@given(SEEDS, st.integers(4, 30), st.sampled_from([0.0, 0.3]), st.booleans())
+def test_compiled_step(compiled, seed, segments, noise, radius_known):
+    rng, basis = np.random.default_rng(seed), spline_basis(segments)
+    control = rng.normal(0, 30, (basis.count, 3))
+    swept = reference.sweep(basis.values, basis.slopes, basis.first, control)
+    assert_same(compiled.sweep(basis.values, basis.slopes, basis.first, control), swept)
+    _, speed, tangents = swept
     given_to = (
-        basis.values, basis.slopes, basis.first, rng.uniform(1, 100, n), rng.normal(size=(k, 3)),
-        np.vstack([np.zeros((2 * n, 3)), rng.normal(size=(k - 2 * n, 3))]), rng.normal(size=k),
-        weight, weight * rng.normal(size=k),
+        basis.values, basis.slopes, basis.first, basis.roughness, control, speed, tangents,
+        random_equations(rng, basis.samples), random_equations(rng, basis.samples),
+        10.0 ** rng.uniform(-4, 2), noise, radius_known,
     )  # fmt: skip
-    assert_same(compiled.assemble(*given_to), reference.assemble(*given_to))
+    assert_same(compiled.step(*given_to), reference.step(*given_to), 1e-7)
+
+
+@often
+@given(SEEDS, TILTS, st.booleans(), st.integers(1, 12))
+def test_compiled_covariance(compiled, seed, tilt, radius_known, together):
+    rng = np.random.default_rng(seed)
+    outlines = []
+    for _ in range(2):
+        camera, curve, tangents = random_scene(rng, tilt)
+        view = (camera.projection, camera.center, curve, tangents, 1.0, CAPPED)
+        outlines.append(reference.outline(*view)[:2])
+    n = BASIS.samples
+    given_to = (
+        BASIS.values, BASIS.slopes, BASIS.first, rng.uniform(1, 100, n), *outlines,
+        random_equations(rng, n), random_equations(rng, n), together, 0.2, 100.0, radius_known,
+    )  # fmt: skip
+    assert_same([compiled.covariance(*given_to)], [reference.covariance(*given_to)], 1e-7)
+
+
+@often
+@given(SEEDS, st.integers(3, 130), ENDS, st.floats(0, 1))
+def test_compiled_account_of_the_rims(compiled, seed, n, capped, shown):
+    rng = np.random.default_rng(seed)
+    k = 2 * n + 2 * reference.CAP_POINTS
+    weight = rng.random(k) * (rng.random(k) < shown)
+    total, squares = weight * rng.normal(size=k), weight * rng.random(k)
+    given_to = (weight, squares, n, 0.8)
+    seen = reference.rims_seen(*given_to)
+    np.testing.assert_array_equal(compiled.rims_seen(*given_to), seen)
+    picture = rng.normal(0, 100, (k, 2))
+    given_to = (picture, seen, np.array(capped))
+    assert compiled.unseen(*given_to) == pytest.approx(reference.unseen(*given_to), abs=1e-9)
+    given_to = (weight, total, squares, n)
+    assert compiled.likeness(*given_to) == pytest.approx(reference.likeness(*given_to))
 
 
 @often

@@ -37,8 +37,6 @@ _PLACING, _SETTLING = 12.0, 8.0
 _APART_PX, _SHORTENED = 2.0, 0.5
 # From this gate on flat ends tell how the curve runs into them.
 _TURNING = 5.0
-# A step may slide along the curve only this weakly; a share of how strongly it is held across.
-_SLIDING = 0.01
 # A flat end whose squared residuals are so many times those of all is odd.
 _ODD, _ODD_PX2 = 2.0, 1.0
 # The flat end of a device of a smaller half width is too small to judge, px.
@@ -173,13 +171,18 @@ def fit_tube(
             hidden, shown = shown, _ends_shown(rig, tube, looks)
             if shown != hidden:
                 looks = _looks(rig, contours, tube, gate, shown)
-        step = _Step(basis, control, tube, looks, caps_turn=gate is None or gate <= _TURNING)
-        if number <= len(gates) and (number or len(gates) > 1):
-            stiffness = step.evidence(stiffness)
-        moved, grown = step.solve(stiffness, radius_known)
+        # Seen nearly edge-on, a disc tilted to either side looks the same: until the curve is
+        # near, its rims alone say how it runs.
+        caps_turn = gate is None or gate <= _TURNING
+        anew = number <= len(gates) and (number or len(gates) > 1)
+        moved, grown, farthest, stiffness = kernels().step(
+            basis.values, basis.slopes, basis.first, basis.roughness,
+            control, tube.speed, tube.tangents,
+            *(look.equations if caps_turn else look.steady_equations for look in looks),
+            stiffness, noise_variance(looks) if anew else 0.0, radius_known,
+        )  # fmt: skip
         if not np.isfinite(moved).all() or np.abs(moved).max() > 1e4:
             raise HardFrame("the fit left the device")
-        farthest = step.farthest(moved)
         # No step goes farther than edges are looked for.
         moved *= min(1.0, (gate or _FARTHEST_PX) * pixel_mm / max(farthest, 1e-12))
         control, radius = control + moved, max(radius + grown, 1e-3)
@@ -225,7 +228,7 @@ def _looks(
     look_a = Look.at(tube, rig.a, contours[0], gate, shown[0])
     look_b = Look.at(tube, rig.b, contours[1], gate, shown[1])
     for look in (look_a, look_b):
-        if np.count_nonzero(look.weight) < look.samples // 4:
+        if look.told < look.samples // 4:
             raise HardFrame("the fit follows too little of the device's outline")
     return look_a, look_b
 
@@ -233,71 +236,3 @@ def _looks(
 def _roughness(basis: SplineBasis, control: Floats) -> float:
     """Sum of squared third differences of control points, mm²."""
     return float(np.sum(control * (basis.roughness @ control)))
-
-
-class _Step:
-    """Normal equations of one pass: unknown are the control points' shifts and the radius'."""
-
-    def __init__(
-        self,
-        basis: SplineBasis,
-        control: Floats,
-        tube: Tube,
-        looks: tuple[Look, Look],
-        caps_turn: bool,
-    ) -> None:
-        self.basis, self.control, self.tube, self.looks = basis, control, tube, looks
-        size = 3 * basis.count + 1
-        self.matrix, self.side = np.zeros((size, size)), np.zeros(size)
-        for look in looks:
-            # Seen nearly edge-on, a disc tilted to either side looks the same: until the curve
-            # is near, its rims alone say how it runs.
-            turn = look.turn if caps_turn else 0 * look.turn
-            matrix, side = kernels().assemble(
-                basis.values, basis.slopes, basis.first, tube.speed,
-                look.pull, turn, look.grow, look.weight, look.total,
-            )  # fmt: skip
-            self.matrix += matrix
-            self.side += side
-
-    def evidence(self, stiffness: float) -> float:
-        """Next estimate of the stiffness: how rough the curve is against how noisy its picture.
-
-        D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992: the roughness
-        is shared among as many directions as it, and not the data, determines.
-        """
-        basis = self.basis
-        roughness = _roughness(basis, self.control)
-        covariance = np.linalg.inv(self._held(stiffness))[:-1, :-1]
-        blocks = sum(covariance[axis::3, axis::3] for axis in range(3))
-        undetermined = stiffness * float(np.sum(blocks * basis.roughness))
-        directions = max(3.0 * (basis.count - 3) - undetermined, 1.0)
-        noise = noise_variance(self.looks)
-        return float(np.clip(noise * directions / max(roughness, 1e-12), 1e-9, 1e6))
-
-    def solve(self, stiffness: float, radius_known: bool) -> tuple[Floats, float]:
-        """Shift of the control points (m, 3) and of the radius, mm."""
-        held, side = self._held(stiffness), self.side.copy()
-        side[:-1] -= stiffness * (self.basis.roughness @ self.control).ravel()
-        sliding = kernels().sliding(self.basis.values, self.basis.first, self.tube.tangents)
-        share = _SLIDING * np.trace(self.matrix[:-1, :-1]) / np.trace(sliding)
-        held[:-1, :-1] += share * sliding
-        if radius_known:
-            held[-1, -1] += 1e12
-        moved = np.linalg.solve(held, side)
-        return np.asarray(moved[:-1].reshape(-1, 3)), float(moved[-1])
-
-    def farthest(self, moved: Floats) -> float:
-        """Largest shift of the curve across itself, mm; along it, a fifth of its ends'."""
-        shift, tangents = self.basis.values @ moved, self.tube.tangents
-        along = np.einsum("ni,ni->n", shift, tangents)
-        along[[0, -1]] *= 0.8
-        shift -= along[:, None] * tangents
-        return float(np.sqrt(np.einsum("ni,ni->n", shift, shift).max()))
-
-    def _held(self, stiffness: float) -> Floats:
-        """The normal matrix with the spline's stiffness."""
-        held = self.matrix + 1e-9 * np.eye(len(self.matrix))
-        for axis in range(3):
-            held[axis:-1:3, axis:-1:3] += stiffness * self.basis.roughness
-        return held

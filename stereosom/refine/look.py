@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from ..arrays import Booleans, Floats, Integers
 from ..camera import Camera
@@ -24,10 +23,25 @@ _CAP_SHARE = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Tube:
-    """A round tube with flat ends: samples (n, 3) of its curve, and the derivative there, mm."""
+    """A round tube with flat ends.
+
+    Attributes
+    ----------
+    curve : (n, 3) array
+        Samples, mm.
+    tangents : (n, 3) array
+        Unit vectors there.
+    speed : (n,) array
+        Length of the derivative there by the curve's parameter, mm.
+    radius : float
+        mm.
+    capped : (bool, bool)
+        Whether the base and the tip are ends, or the tube goes on there.
+    """
 
     curve: Floats
-    velocity: Floats
+    tangents: Floats
+    speed: Floats
     radius: float
     capped: tuple[bool, bool]
 
@@ -36,24 +50,14 @@ class Tube:
         cls, basis: SplineBasis, control: Floats, radius: float, capped: tuple[bool, bool]
     ) -> Tube:
         """Around the spline of control points (m, 3)."""
-        return cls(basis.values @ control, basis.slopes @ control, radius, capped)
-
-    @cached_property
-    def speed(self) -> Floats:
-        """Length of the derivative at the samples, mm."""
-        squared = np.einsum("ni,ni->n", self.velocity, self.velocity)
-        return np.asarray(np.maximum(np.sqrt(squared), 1e-9))
+        curve, speed, tangents = kernels().sweep(basis.values, basis.slopes, basis.first, control)
+        return cls(curve, tangents, speed, radius, capped)
 
     @property
     def length(self) -> float:
         """Of the curve, mm."""
         steps = np.diff(self.curve, axis=0)
         return float(np.sqrt(np.einsum("ni,ni->n", steps, steps)).sum())
-
-    @cached_property
-    def tangents(self) -> Floats:
-        """Unit vectors (n, 3)."""
-        return self.velocity / self.speed[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +80,8 @@ class Look:
         Of the device in the picture, px.
     edges : int
         Number of points of the contour.
+    told : int
+        Number of points of the outline that edges belong to.
     """
 
     picture: Floats
@@ -90,6 +96,7 @@ class Look:
     stray: float
     half_width: float
     edges: int
+    told: int
 
     @classmethod
     def at(
@@ -118,23 +125,25 @@ class Look:
         HardFrame
             Where the tube runs behind the camera.
         """
-        if camera.depth(tube.curve).min() <= 2 * tube.radius:
-            raise HardFrame("the fit runs behind a camera")
-        picture, normals, pull, turn, grow, weight, total, squares, numbers = kernels().look(
-            camera.projection,
-            camera.center,
-            tube.curve,
-            tube.tangents,
-            tube.radius,
-            np.array(shown or tube.capped),
-            contour.points,
-            contour.directions,
-            float(gate or 0.0),
-        )
-        noise, stray, half_width = (float(number) for number in numbers)
+        try:
+            looked = kernels().look(
+                camera.projection,
+                camera.center,
+                tube.curve,
+                tube.tangents,
+                tube.radius,
+                np.array(shown or tube.capped),
+                contour.points,
+                contour.directions,
+                float(gate or 0.0),
+            )
+        except ValueError:
+            raise HardFrame("the fit runs behind a camera") from None
+        picture, normals, pull, turn, grow, weight, total, squares, numbers = looked
+        noise, stray, half_width, told = numbers.tolist()
         return cls(
             picture, normals, pull, turn, grow, weight, total, squares,
-            noise, stray, half_width, edges=len(contour),
+            noise, stray, half_width, len(contour), int(told),
         )  # fmt: skip
 
     @property
@@ -147,27 +156,34 @@ class Look:
         """Sample of the curve that each point of the outline belongs to."""
         return owners(self.samples)
 
+    @property
+    def equations(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """What a step is made of."""
+        return self.pull, self.turn, self.grow, self.weight, self.total
+
+    @property
+    def steady_equations(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """The same where the flat ends do not turn with the curve."""
+        return self.pull, np.zeros_like(self.turn), self.grow, self.weight, self.total
+
+    @cached_property
     def rims_seen(self) -> Booleans:
         """Whether edges are at each sample's left and right rim, (2, n)."""
         tolerance = _RIM_PX + _RIM_SHARE * self.half_width
-        rms = np.sqrt(self.squares / np.maximum(self.weight, 1e-12))
-        seen = (self.weight > 0) & (rms < tolerance)
-        left, right, _, _ = pieces(self.samples)
-        return maximum_filter1d(np.stack([seen[left], seen[right]]), 5, axis=1)
+        seen: Booleans = kernels().rims_seen(self.weight, self.squares, self.samples, tolerance)
+        return seen
 
     def unseen_px(self, capped: tuple[bool, bool]) -> float:
         """Length of the rims that show no edges, px; where the tube goes on, from the first on."""
-        left, right, _, _ = pieces(self.samples)
-        length = 0.0
-        for rim, seen in zip((left, right), self.rims_seen(), strict=True):
-            spacing = np.linalg.norm(np.gradient(self.picture[rim], axis=0), axis=1)
-            shown = np.flatnonzero(seen)
-            start = 0 if capped[0] or len(shown) == 0 else shown[0]
-            stop = None if capped[1] or len(shown) == 0 else shown[-1]
-            length += float(np.sum(spacing[start:stop][~seen[start:stop]]))
-        return length
+        return float(kernels().unseen(self.picture, self.rims_seen, np.array(capped)))
 
-    @property
+    @cached_property
+    def noise_variance(self) -> float:
+        """Variance that the residuals would have if each were on its own, px²."""
+        likeness = kernels().likeness(self.weight, self.total, self.squares, self.samples)
+        return float(self.noise * likeness)
+
+    @cached_property
     def cap_seen(self) -> tuple[bool, bool]:
         """Whether edges make a flat end at the base, and at the tip."""
         _, _, base, tip = pieces(self.samples)

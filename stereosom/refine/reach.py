@@ -71,8 +71,10 @@ def seen_stretch(
     directions = np.vstack(
         [np.tile(tangents[0], (beyond, 1)), tangents, np.tile(tangents[-1], (beyond, 1))]
     )
-    longer = [
-        Look.at(Tube(extended, directions, tube.radius, (False, False)), camera, contour, gate)
+    even = np.ones(len(extended))
+    longer = Tube(extended, directions, even, tube.radius, (False, False))
+    further = [
+        Look.at(longer, camera, contour, gate)
         for camera, contour in zip((rig.a, rig.b), contours, strict=True)
     ]
     speed = np.stack(
@@ -80,7 +82,7 @@ def seen_stretch(
          for camera in (rig.a, rig.b)]
     )  # fmt: skip
     telling = speed > _SHORTENED * speed.max(axis=0)
-    rims = np.stack([look.rims_seen() for look in longer]) & telling[:, None]
+    rims = np.stack([look.rims_seen for look in further]) & telling[:, None]
     seen = np.flatnonzero(rims.sum(axis=(0, 1)) >= _RIMS)
     if len(seen) < len(extended) // 10:
         raise HardFrame("the fit follows too little of the device's outline")
@@ -136,7 +138,7 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     speed = np.stack([np.linalg.norm(np.gradient(camera.project(curve), axis=0), axis=1)
                       for camera in (rig.a, rig.b)])  # fmt: skip
     telling = speed > _SHORTENED * speed.max(axis=0)
-    rims = np.stack([look.rims_seen().any(axis=0) for look in looks])
+    rims = np.stack([look.rims_seen.any(axis=0) for look in looks])
     seen = np.flatnonzero((rims & telling).any(axis=0))
     if len(seen) > len(curve) // 2:
         cut = curve[seen[0] :] if end == 0 else curve[: seen[-1] + 1]

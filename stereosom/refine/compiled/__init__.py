@@ -1,8 +1,20 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
-from .edges import contour, look, match
-from .equations import along, assemble, sliding
-from .noise import rounding
+from .edges import contour, look, match, rims_seen, unseen
+from .equations import covariance, step, sweep
+from .noise import likeness, rounding
 from .outline import outline
 
-__all__ = ["along", "assemble", "contour", "look", "match", "outline", "rounding", "sliding"]
+__all__ = [
+    "contour",
+    "covariance",
+    "likeness",
+    "look",
+    "match",
+    "outline",
+    "rims_seen",
+    "rounding",
+    "step",
+    "sweep",
+    "unseen",
+]

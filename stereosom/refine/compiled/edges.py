@@ -112,8 +112,13 @@ def match(picture, normals, bend, samples, points, directions, turning, reach): 
                 break
             for near_row in range(max(row - ring, 0), min(row + ring + 1, rows)):
                 edge = near_row == row - ring or near_row == row + ring
+                above = _beyond(py - top, near_row * cell, cell)
+                if above**2 >= best:
+                    continue
                 for near_column in range(column - ring, column + ring + 1, 1 if edge else 2 * ring):
                     if near_column < 0 or near_column >= columns:
+                        continue
+                    if above**2 + _beyond(px - left, near_column * cell, cell) ** 2 >= best:
                         continue
                     k = last[near_row * columns + near_column]
                     while k >= 0:
@@ -141,6 +146,12 @@ def match(picture, normals, bend, samples, points, directions, turning, reach): 
 @compiled
 def look(projection, center, curve, tangents, radius, capped, points, directions, gate):  # type: ignore[no-untyped-def]
     """As `reference.look`."""
+    for i in range(len(curve)):
+        depth = projection[2, 3]
+        for axis in range(3):
+            depth += projection[2, axis] * curve[i, axis]
+        if not depth > 2 * radius:
+            raise ValueError("the tube runs behind the camera")
     picture, normals, pull, turn, grow, bend = outline(
         projection, center, curve, tangents, radius, capped
     )
@@ -175,5 +186,45 @@ def look(projection, center, curve, tangents, radius, capped, points, directions
     noise = 0.0
     if kept:
         noise = pulls / kept * (weights / kept) / max(holds / kept, 0.1) ** 2
-    numbers = np.array([noise, 1 - kept / max(len(points), 1), half_width])
+    told = 0
+    for k in range(count):
+        told += weight[k] > 0
+    numbers = np.array([noise, 1 - kept / max(len(points), 1), half_width, told])
     return picture, normals, pull, turn, grow, weight, total, squares, numbers
+
+
+@compiled
+def rims_seen(weight, squares, samples, tolerance):  # type: ignore[no-untyped-def]
+    """As `reference.rims_seen`."""
+    seen = np.zeros((2, samples), dtype=np.bool_)
+    for rim in range(2):
+        for i in range(samples):
+            k = rim * samples + i
+            if weight[k] > 0 and np.sqrt(squares[k] / max(weight[k], 1e-12)) < tolerance:
+                seen[rim, max(i - 2, 0) : i + 3] = True
+    return seen
+
+
+@compiled
+def unseen(picture, seen, capped):  # type: ignore[no-untyped-def]
+    """As `reference.unseen`."""
+    n = seen.shape[1]
+    length = 0.0
+    for rim in range(2):
+        start, stop = 0, n
+        found = np.flatnonzero(seen[rim])
+        if len(found):
+            start = 0 if capped[0] else found[0]
+            stop = n if capped[1] else found[-1]
+        for i in range(start, stop):
+            if not seen[rim, i]:
+                before, after = max(i - 1, 0), min(i + 1, n - 1)
+                step = picture[rim * n + after] - picture[rim * n + before]
+                length += np.hypot(step[0], step[1]) / (after - before)
+    return length
+
+
+@compiled
+def _beyond(place, start, length):  # type: ignore[no-untyped-def]
+    """How far a place lies outside of a stretch."""
+    return max(start - place, place - start - length, 0.0)

@@ -1,74 +1,195 @@
-"""As `reference.equations`."""
+"""As `reference.equations`: a spline's normal matrix is a band, and one column for the radius."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..reference.equations import FLOOR, HELD, SLIDING
 from ..reference.outline import CAP_POINTS
+from . import band
+from .noise import rounding
 from .numba_options import compiled
 
 
 @compiled
-def assemble(values, slopes, first, speed, pull, turn, grow, weight, total):  # type: ignore[no-untyped-def]
-    """As `reference.assemble`, touching only the four control points that each point moves."""
-    n, m = values.shape
-    matrix, side = np.zeros((3 * m + 1, 3 * m + 1)), np.zeros(3 * m + 1)
-    row = np.empty(13)
-    for k in range(len(pull)):
-        if weight[k] == 0.0:
-            continue
-        cap = k >= 2 * n
-        i = k % n
-        if cap:
-            i = 0 if k < 2 * n + CAP_POINTS else n - 1
-        for j in range(4):
-            value = values[i, first[i] + j]
-            slope = slopes[i, first[i] + j] / speed[i] if cap else 0.0
-            for axis in range(3):
-                row[3 * j + axis] = value * pull[k, axis] + slope * turn[k, axis]
-        row[12] = grow[k]
-        at = 3 * first[i]
-        for a in range(12):
-            weighted = weight[k] * row[a]
-            for b in range(12):
-                matrix[at + a, at + b] += weighted * row[b]
-            matrix[at + a, 3 * m] += weighted * row[12]
-            matrix[3 * m, at + a] += weighted * row[12]
-            side[at + a] += total[k] * row[a]
-        matrix[3 * m, 3 * m] += weight[k] * row[12] ** 2
-        side[3 * m] += total[k] * row[12]
-    return matrix, side
+def sweep(values, slopes, first, control):  # type: ignore[no-untyped-def]
+    """As `reference.sweep`."""
+    n = len(values)
+    curve, tangents, speed = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+    for i in range(n):
+        squared = 0.0
+        for axis in range(3):
+            at, pace = 0.0, 0.0
+            for j in range(4):
+                at += values[i, first[i] + j] * control[first[i] + j, axis]
+                pace += slopes[i, first[i] + j] * control[first[i] + j, axis]
+            curve[i, axis], tangents[i, axis] = at, pace
+            squared += pace**2
+        speed[i] = max(np.sqrt(squared), 1e-9)
+        for axis in range(3):
+            tangents[i, axis] /= speed[i]
+    return curve, speed, tangents
 
 
 @compiled
-def sliding(values, first, tangents):  # type: ignore[no-untyped-def]
-    """As `reference.sliding`."""
+def step(  # type: ignore[no-untyped-def]
+    values, slopes, first, roughness, control, speed, tangents,
+    view_a, view_b, stiffness, noise, radius_known,
+):  # fmt: skip
+    """As `reference.step`."""
     n, m = values.shape
-    matrix = np.zeros((3 * m, 3 * m))
-    row = np.empty(12)
+    matrix, column, side = np.zeros((3 * m, band.WIDTH)), np.zeros(3 * m), np.zeros(3 * m + 1)
+    corner = _gather(values, slopes, first, speed, view_a, matrix, column, side)
+    corner += _gather(values, slopes, first, speed, view_b, matrix, column, side)
+    across = matrix[:, 0].sum()
+    if noise > 0:
+        rough, undetermined = 0.0, 0.0
+        held = matrix.copy()
+        _stiffen(held, roughness, stiffness)
+        band.factor(held)
+        inverse = band.inverse(held, column, corner + FLOOR)
+        for j in range(m):
+            for k in range(max(j - 3, 0), j + 1):
+                twice = 2.0 if k < j else 1.0
+                for axis in range(3):
+                    rough += twice * control[j, axis] * roughness[j, k] * control[k, axis]
+                    undetermined += twice * roughness[j, k] * inverse[3 * j + axis, 3 * (j - k)]
+        directions = max(3.0 * (m - 3) - stiffness * undetermined, 1.0)
+        stiffness = min(max(noise * directions / max(rough, 1e-12), 1e-9), 1e6)
+    _stiffen(matrix, roughness, stiffness)
+    for j in range(m):
+        for k in range(max(j - 3, 0), min(j + 4, m)):
+            for axis in range(3):
+                side[3 * j + axis] -= stiffness * roughness[j, k] * control[k, axis]
+    slid = 0.0
     for i in range(n):
         for j in range(4):
-            for axis in range(3):
-                row[3 * j + axis] = values[i, first[i] + j] * tangents[i, axis]
-        at = 3 * first[i]
-        for a in range(12):
-            for b in range(12):
-                matrix[at + a, at + b] += row[a] * row[b]
-    return matrix
+            slid += values[i, first[i] + j] ** 2
+    share = SLIDING * across / slid
+    for i in range(n):
+        for j in range(4):
+            for k in range(j + 1):
+                both = share * values[i, first[i] + j] * values[i, first[i] + k]
+                _add(matrix, 3 * (first[i] + j), j - k, both, tangents[i], tangents[i])
+    band.factor(matrix)
+    grown = band.solve(matrix, column, corner + FLOOR + (HELD if radius_known else 0.0), side)
+    moved = side[:-1].copy().reshape((m, 3))
+    farthest = 0.0
+    shift = np.empty(3)
+    for i in range(n):
+        along, squared = 0.0, 0.0
+        for axis in range(3):
+            shift[axis] = 0.0
+            for j in range(4):
+                shift[axis] += values[i, first[i] + j] * moved[first[i] + j, axis]
+            along += shift[axis] * tangents[i, axis]
+        if i in (0, n - 1):
+            along *= 0.8
+        for axis in range(3):
+            squared += (shift[axis] - along * tangents[i, axis]) ** 2
+        farthest = max(farthest, squared)
+    return moved, grown, np.sqrt(farthest), stiffness
 
 
 @compiled
-def along(values, first, covariance):  # type: ignore[no-untyped-def]
-    """As `reference.along`."""
-    n = len(values)
+def covariance(  # type: ignore[no-untyped-def]
+    values, slopes, first, speed, outline_a, outline_b, view_a, view_b,
+    together, noise, length, radius_known,
+):  # fmt: skip
+    """As `reference.covariance`."""
+    n, m = values.shape
+    matrix, column, side = np.zeros((3 * m, band.WIDTH)), np.zeros(3 * m), np.zeros(3 * m + 1)
+    corner = noise / length**2 + (HELD if radius_known else 0.0)
+    matrix[:, 0] += noise / length**2
+    for outline, view in ((outline_a, view_a), (outline_b, view_b)):
+        picture, normals = outline
+        pull, turn, grow, weight, total = view
+        shared = rounding(picture, normals, weight, n, together)
+        telling = np.empty(len(weight))
+        for k in range(len(weight)):
+            crossings = abs(normals[k, 0]) + abs(normals[k, 1])
+            telling[k] = weight[k] / crossings * noise / (noise + shared[k])
+        told = (pull, turn, grow, telling, total)
+        corner += _gather(values, slopes, first, speed, told, matrix, column, side)
+    band.factor(matrix)
+    inverse = band.inverse(matrix, column, corner)
     found = np.zeros((n, 3, 3))
     for i in range(n):
         for j in range(4):
             for k in range(4):
-                weight = values[i, first[i] + j] * values[i, first[i] + k]
-                a, b = 3 * (first[i] + j), 3 * (first[i] + k)
+                weighted = noise * values[i, first[i] + j] * values[i, first[i] + k]
                 for x in range(3):
                     for y in range(3):
-                        mean = (covariance[a + x, b + y] + covariance[b + y, a + x]) / 2
-                        found[i, x, y] += weight * mean
+                        a, b = 3 * (first[i] + j) + x, 3 * (first[i] + k) + y
+                        found[i, x, y] += weighted * inverse[max(a, b), abs(a - b)]
     return found
+
+
+@compiled
+def _gather(values, slopes, first, speed, view, matrix, column, side):  # type: ignore[no-untyped-def]
+    """Add a view's equations to the band, the radius' column and the right side.
+
+    The rims' points move with their sample alone: their sums, 3 × 3, are gathered first.
+    """
+    pull, turn, grow, weight, total = view
+    n = len(values)
+    corner = 0.0
+    square, beside, pulled = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for i in range(n):
+        square[:], beside[:], pulled[:] = 0.0, 0.0, 0.0
+        for k in (i, n + i):
+            if weight[k] == 0.0:
+                continue
+            for x in range(3):
+                for y in range(3):
+                    square[x, y] += weight[k] * pull[k, x] * pull[k, y]
+                beside[x] += weight[k] * grow[k] * pull[k, x]
+                pulled[x] += total[k] * pull[k, x]
+            corner += weight[k] * grow[k] ** 2
+            side[-1] += total[k] * grow[k]
+        for j in range(4):
+            value, at = values[i, first[i] + j], 3 * (first[i] + j)
+            for x in range(3):
+                column[at + x] += value * beside[x]
+                side[at + x] += value * pulled[x]
+            for k in range(j + 1):
+                both = value * values[i, first[i] + k]
+                for x in range(3):
+                    for y in range(3 if k < j else x + 1):
+                        matrix[at + x, 3 * (j - k) + x - y] += both * square[x, y]
+    row = np.empty(12)
+    for k in range(2 * n, len(pull)):
+        if weight[k] == 0.0:
+            continue
+        i = 0 if k < 2 * n + CAP_POINTS else n - 1
+        for j in range(4):
+            value, slope = values[i, first[i] + j], slopes[i, first[i] + j] / speed[i]
+            for axis in range(3):
+                row[3 * j + axis] = value * pull[k, axis] + slope * turn[k, axis]
+        at = 3 * first[i]
+        for a in range(12):
+            for b in range(a + 1):
+                matrix[at + a, a - b] += weight[k] * row[a] * row[b]
+            column[at + a] += weight[k] * grow[k] * row[a]
+            side[at + a] += total[k] * row[a]
+        corner += weight[k] * grow[k] ** 2
+        side[-1] += total[k] * grow[k]
+    return corner
+
+
+@compiled
+def _add(matrix, at, apart, weight, one, other):  # type: ignore[no-untyped-def]
+    """Add weight times one otherᵀ where control points so far apart meet."""
+    for x in range(3):
+        for y in range(3 if apart else x + 1):
+            matrix[at + x, 3 * apart + x - y] += weight * one[x] * other[y]
+
+
+@compiled
+def _stiffen(matrix, roughness, stiffness):  # type: ignore[no-untyped-def]
+    """Add the spline's stiffness, and what holds the rest."""
+    for j in range(len(roughness)):
+        for axis in range(3):
+            matrix[3 * j + axis, 0] += FLOOR
+            for k in range(max(j - 3, 0), j + 1):
+                matrix[3 * j + axis, 3 * (j - k)] += stiffness * roughness[j, k]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..reference.noise import HARMONICS
+from ..reference.noise import HARMONICS, IN_A_ROW
 from ..reference.outline import CAP_POINTS
 from .numba_options import compiled
 
 
 @compiled
 def rounding(picture, normals, weight, samples, together):  # type: ignore[no-untyped-def]
-    """As `reference.rounding`."""
+    """As `reference.rounding`; of the harmonics, each follows from the first."""
     shared = np.zeros(len(weight))
     sigma = together / 2.5
     wide = int(4.0 * sigma + 0.5)
@@ -20,42 +20,76 @@ def rounding(picture, normals, weight, samples, together):  # type: ignore[no-un
     start = 0
     for number in range(4):
         n = samples if number < 2 else CAP_POINTS
-        real, imaginary = np.empty(n), np.empty(n)
+        # Beyond both ends the last value stands, as far as the bell is wide.
+        real, imaginary = np.empty((2, HARMONICS, n + 2 * wide))
         for axis in range(2):
             of_axis = np.zeros(n)
-            for h in range(1, HARMONICS + 1):
-                for k in range(n):
-                    before, after = max(k - 1, 0), min(k + 1, n - 1)
-                    step = picture[start + after, axis] - picture[start + before, axis]
-                    step = h * np.pi * step / (after - before)
-                    angle = 2 * np.pi * h * picture[start + k, axis]
-                    damped = np.sin(step) / step if step != 0 else 1.0
-                    real[k], imaginary[k] = np.cos(angle) * damped, np.sin(angle) * damped
+            for k in range(n):
+                before, after = max(k - 1, 0), min(k + 1, n - 1)
+                step = picture[start + after, axis] - picture[start + before, axis]
+                step = np.pi * step / (after - before)
+                angle = 2 * np.pi * picture[start + k, axis]
+                _harmonics(np.cos(angle), np.sin(angle), step, real, imaginary, wide + k)
+            for h in range(HARMONICS):
+                share = 1 / (2 * np.pi**2 * (h + 1) ** 2)
                 if number < 2:
+                    for padded in (real[h], imaginary[h]):
+                        padded[:wide], padded[n + wide :] = padded[wide], padded[n + wide - 1]
                     for k in range(n):
                         x, y = 0.0, 0.0
-                        for j in range(-wide, wide + 1):
-                            near = min(max(k + j, 0), n - 1)
-                            x += bell[j + wide] * real[near]
-                            y += bell[j + wide] * imaginary[near]
-                        of_axis[k] += (x**2 + y**2) / (2 * np.pi**2 * h**2)
+                        for j in range(2 * wide + 1):
+                            x += bell[j] * real[h, k + j]
+                            y += bell[j] * imaginary[h, k + j]
+                        of_axis[k] += (x**2 + y**2) * share
                 else:
                     x, y, crossed = 0.0, 0.0, 0.0
                     for k in range(n):
                         w = weight[start + k] * abs(normals[start + k, axis])
-                        x, y, crossed = x + w * real[k], y + w * imaginary[k], crossed + w
-                    crossed = max(crossed, 1e-9)
-                    of_axis += (x**2 + y**2) / crossed**2 / (2 * np.pi**2 * h**2)
+                        x, y = x + w * real[h, wide + k], y + w * imaginary[h, wide + k]
+                        crossed += w
+                    of_axis += (x**2 + y**2) / max(crossed, 1e-9) ** 2 * share
             for k in range(n):
                 shared[start + k] = max(shared[start + k], of_axis[k])
-        for k in range(n):
+        if number < 2:
             # As `uniform_filter1d` does: of an even number, one more before than after.
-            first, last = k - together // 2, k + (together - 1) // 2
-            if number >= 2:
-                first, last = 0, n - 1
-            count = 0.0
-            for j in range(first, last + 1):
-                count += weight[start + min(max(j, 0), n - 1)]
-            shared[start + k] *= count
+            for k in range(n):
+                count = 0.0
+                for j in range(k - together // 2, k + (together - 1) // 2 + 1):
+                    count += weight[start + min(max(j, 0), n - 1)]
+                shared[start + k] *= count
+        else:
+            shared[start : start + n] *= weight[start : start + n].sum()
         start += n
     return shared
+
+
+@compiled
+def _harmonics(cosine, sine, step, real, imaginary, at):  # type: ignore[no-untyped-def]
+    """Fill in the harmonics of a phase, each damped by how far the phase runs on."""
+    turned, turning = np.sin(step), np.cos(step)
+    c, s = cosine, sine  # of h times the phase
+    damp, rest = turned, turning  # sine and cosine of h times the step
+    for h in range(HARMONICS):
+        share = damp / ((h + 1) * step) if step != 0 else 1.0
+        real[h, at], imaginary[h, at] = c * share, s * share
+        c, s = c * cosine - s * sine, s * cosine + c * sine
+        damp, rest = damp * turning + rest * turned, rest * turning - damp * turned
+
+
+@compiled
+def likeness(weight, total, squares, samples):  # type: ignore[no-untyped-def]
+    """As `reference.likeness`."""
+    sums, single = 0.0, 0
+    for rim in range(2):
+        for row in range(samples // IN_A_ROW):
+            weights, totals = 0.0, 0.0
+            for k in range(row * IN_A_ROW, (row + 1) * IN_A_ROW):
+                weights += weight[rim * samples + k]
+                totals += total[rim * samples + k]
+            if weights > 0:
+                sums += totals**2 / weights
+                single += 1
+    if single < 4:
+        return 1.0
+    variance = squares.sum() / max(weight.sum(), 1e-9)
+    return max(1.0, sums / single / max(variance, 1e-12))

@@ -5,23 +5,27 @@ of the n samples of the curve, then the right rim, then `CAP_POINTS` around the 
 and as many around the tip's.
 """
 
-from .edges import contour, look, match
-from .equations import along, assemble, sliding
-from .noise import HARMONICS, rounding
+from .edges import contour, look, match, rims_seen, unseen
+from .equations import assemble, covariance, step, sweep
+from .noise import HARMONICS, likeness, rounding
 from .outline import CAP_POINTS, NOWHERE, outline, owners, pieces
 
 __all__ = [
     "CAP_POINTS",
     "HARMONICS",
     "NOWHERE",
-    "along",
     "assemble",
     "contour",
+    "covariance",
+    "likeness",
     "look",
     "match",
     "outline",
     "owners",
     "pieces",
+    "rims_seen",
     "rounding",
-    "sliding",
+    "step",
+    "sweep",
+    "unseen",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.spatial import cKDTree
 
 from ...arrays import Booleans, Floats, Integers
@@ -142,9 +143,17 @@ def look(
     -------
     picture, normals, pull, turn, grow, weight, total, squares : arrays
         As in `Look`.
-    (3,) array
-        Noise, share of stray edges and half width, as in `Look`.
+    (4,) array
+        Noise, share of stray edges and half width, as in `Look`; number of points of the outline
+        that edges belong to.
+
+    Raises
+    ------
+    ValueError
+        Where the tube runs behind the camera.
     """
+    if np.min(curve @ projection[2, :3] + projection[2, 3]) <= 2 * radius:
+        raise ValueError("the tube runs behind the camera")
     picture, normals, pull, turn, grow, bend = outline(
         projection, center, curve, tangents, radius, capped
     )
@@ -176,8 +185,54 @@ def look(
     ]
     return (
         picture, normals, pull, turn, grow, sums[0], sums[1], sums[2],
-        np.array([noise, 1 - len(residual) / max(len(points), 1), half_width]),
+        np.array([
+            noise, 1 - len(residual) / max(len(points), 1), half_width, np.count_nonzero(sums[0])
+        ]),
     )  # fmt: skip
+
+
+def rims_seen(weight: Floats, squares: Floats, samples: int, tolerance: float) -> Booleans:
+    """Whether edges are at each sample's left and right rim, or at one of the two next to it.
+
+    Parameters
+    ----------
+    weight, squares
+        As in `Look`.
+    samples : int
+    tolerance : float
+        RMS residual up to which edges are the rim's, px.
+
+    Returns
+    -------
+    (2, n) array of bool
+    """
+    rms = np.sqrt(squares / np.maximum(weight, 1e-12))
+    seen = (weight > 0) & (rms < tolerance)
+    left, right, _, _ = pieces(samples)
+    return np.asarray(maximum_filter1d(np.stack([seen[left], seen[right]]), 5, axis=1))
+
+
+def unseen(picture: Floats, seen: Booleans, capped: Booleans) -> float:
+    """Length of the rims that show no edges, px; where the tube goes on, from the first on.
+
+    Parameters
+    ----------
+    picture
+        As from `outline`.
+    seen : (2, n) array of bool
+        As from `rims_seen`.
+    capped : (2,) array of bool
+        As of `outline`.
+    """
+    left, right, _, _ = pieces(seen.shape[1])
+    length = 0.0
+    for rim, shown in zip((left, right), seen, strict=True):
+        spacing = np.linalg.norm(np.gradient(picture[rim], axis=0), axis=1)
+        found = np.flatnonzero(shown)
+        start = 0 if capped[0] or len(found) == 0 else found[0]
+        stop = None if capped[1] or len(found) == 0 else found[-1]
+        length += float(np.sum(spacing[start:stop][~shown[start:stop]]))
+    return length
 
 
 def _spacing(picture: Floats, samples: int) -> Floats:

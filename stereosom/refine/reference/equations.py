@@ -1,17 +1,52 @@
-"""The normal equations of a spline's control points and a radius."""
+"""The normal equations of a spline's control points and a radius, and what is solved with them."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ...arrays import Floats, Integers
+from .noise import rounding
 from .outline import owners
+
+# A step may slide along the curve only this weakly; a share of how strongly it is held across.
+SLIDING = 0.01
+# Holds what nothing else does, so that there is one solution.
+FLOOR = 1e-9
+# Of a radius that is known: nothing moves it.
+HELD = 1e12
+
+# The parts of a view that the equations are made of: pull, turn, grow, weight, total.
+View = tuple[Floats, Floats, Floats, Floats, Floats]
+
+
+def sweep(
+    values: Floats, slopes: Floats, first: Integers, control: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Points, speed and unit tangents along a spline.
+
+    Parameters
+    ----------
+    values, slopes, first
+        As of `SplineBasis`.
+    control : (m, 3) array
+        mm.
+
+    Returns
+    -------
+    curve : (n, 3) array
+        mm.
+    speed : (n,) array
+        Length of the derivative by the parameter, mm.
+    tangents : (n, 3) array
+    """
+    velocity = slopes @ control
+    speed = np.maximum(np.linalg.norm(velocity, axis=1), 1e-9)
+    return values @ control, speed, velocity / speed[:, None]
 
 
 def assemble(
     values: Floats,
     slopes: Floats,
-    first: Integers,
     speed: Floats,
     pull: Floats,
     turn: Floats,
@@ -23,7 +58,7 @@ def assemble(
 
     Parameters
     ----------
-    values, slopes, first
+    values, slopes
         As of `SplineBasis`.
     speed : (n,) array
         Length of the curve's derivative by its parameter at the samples, mm.
@@ -45,29 +80,139 @@ def assemble(
     return rows.T @ (weight[:, None] * rows), rows.T @ total
 
 
-def sliding(values: Floats, first: Integers, tangents: Floats) -> Floats:
-    """Normal matrix (3m, 3m) of shifts of the samples along the curve.
+def step(
+    values: Floats,
+    slopes: Floats,
+    first: Integers,
+    roughness: Floats,
+    control: Floats,
+    speed: Floats,
+    tangents: Floats,
+    view_a: View,
+    view_b: View,
+    stiffness: float,
+    noise: float,
+    radius_known: bool,
+) -> tuple[Floats, float, float, float]:
+    """One step of Gauss-Newton, held by the spline's stiffness.
+
+    The stiffness follows from how rough the curve is against how noisy its picture (D. J. C.
+    MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992): the roughness is shared
+    among as many directions as it, and not the data, determines.
 
     Parameters
     ----------
-    values, first
+    values, slopes, first, roughness
         As of `SplineBasis`.
-    tangents : (n, 3) array
+    control : (m, 3) array
+        mm.
+    speed, tangents
+        As from `sweep`.
+    view_a, view_b : tuple of arrays
+        pull, turn, grow, weight and total, as in `Look`.
+    stiffness : float
+        px²/mm².
+    noise : float
+        Variance of a residual, px²: the stiffness is chosen anew with it; zero: it stays.
+    radius_known : bool
+        Whether the radius stays as it is.
+
+    Returns
+    -------
+    moved : (m, 3) array
+        Shift of the control points, mm.
+    grown : float
+        Of the radius, mm.
+    farthest : float
+        Largest shift of the curve across itself, mm; along it, a fifth of its ends'.
+    stiffness : float
     """
+    m = len(control)
+    matrix, side = np.zeros((3 * m + 1, 3 * m + 1)), np.zeros(3 * m + 1)
+    for view in (view_a, view_b):
+        more, sided = assemble(values, slopes, speed, *view)
+        matrix, side = matrix + more, side + sided
+    rough = float(np.sum(control * (roughness @ control)))
+    if noise > 0:
+        inverse = np.linalg.inv(_held(matrix, roughness, stiffness))[:-1, :-1]
+        blocks = sum(inverse[axis::3, axis::3] for axis in range(3))
+        undetermined = stiffness * float(np.sum(blocks * roughness))
+        directions = max(3.0 * (m - 3) - undetermined, 1.0)
+        stiffness = float(np.clip(noise * directions / max(rough, 1e-12), 1e-9, 1e6))
+    held = _held(matrix, roughness, stiffness)
+    side[:-1] -= stiffness * (roughness @ control).ravel()
     rows = (values[:, :, None] * tangents[:, None, :]).reshape(len(tangents), -1)
-    return np.asarray(rows.T @ rows)
+    sliding = rows.T @ rows
+    held[:-1, :-1] += SLIDING * np.trace(matrix[:-1, :-1]) / np.trace(sliding) * sliding
+    if radius_known:
+        held[-1, -1] += HELD
+    solution = np.linalg.solve(held, side)
+    moved: Floats = np.asarray(solution[:-1].reshape(-1, 3))
+    shift = values @ moved
+    along = np.sum(shift * tangents, axis=1)
+    along[[0, -1]] *= 0.8
+    across = shift - along[:, None] * tangents
+    farthest = float(np.sqrt(np.max(np.sum(across**2, axis=1))))
+    return moved, float(solution[-1]), farthest, stiffness
 
 
-def along(values: Floats, first: Integers, covariance: Floats) -> Floats:
-    """Covariance (n, 3, 3) of the samples, from that of the control points, (3m, 3m).
+def _held(matrix: Floats, roughness: Floats, stiffness: float) -> Floats:
+    """The normal matrix with the spline's stiffness."""
+    held = matrix + FLOOR * np.eye(len(matrix))
+    for axis in range(3):
+        held[axis:-1:3, axis:-1:3] += stiffness * roughness
+    return np.asarray(held)
+
+
+def covariance(
+    values: Floats,
+    slopes: Floats,
+    first: Integers,
+    speed: Floats,
+    outline_a: tuple[Floats, Floats],
+    outline_b: tuple[Floats, Floats],
+    view_a: View,
+    view_b: View,
+    together: int,
+    noise: float,
+    length: float,
+    radius_known: bool,
+) -> Floats:
+    """Covariance at the samples of a curve, (n, 3, 3), mm², where no stiffness holds it.
 
     Parameters
     ----------
-    values, first
-        As of `SplineBasis`.
-    covariance : (3m, 3m) array
+    values, slopes, first
+        As of `SplineBasis`, of a spline with as many pieces as the device may have bends.
+    speed : (n,) array
+        As from `sweep`.
+    outline_a, outline_b : tuple of arrays
+        picture and normals, as in `Look`.
+    view_a, view_b : tuple of arrays
+        As of `step`; the totals do not matter.
+    together : int
+        As of `rounding`.
+    noise : float
+        Variance of a residual, px².
+    length : float
+        Of the curve, mm. No point is farther off than that.
+    radius_known : bool
     """
-    n, m = values.shape
-    half = (values @ covariance.reshape(m, -1)).reshape(n, 3, m, 3)
+    m = values.shape[1]
+    matrix = np.zeros((3 * m + 1, 3 * m + 1))
+    for (picture, normals), (pull, turn, grow, weight, _) in (
+        (outline_a, view_a),
+        (outline_b, view_b),
+    ):
+        # Where an edge runs aslant, one pixel of it is crossed by a row and by a column at once.
+        crossings = np.abs(normals).sum(axis=1)
+        shared = rounding(picture, normals, weight, len(values), together)
+        telling = weight / crossings * noise / (noise + shared)
+        matrix += assemble(values, slopes, speed, pull, turn, grow, telling, 0.0 * telling)[0]
+    matrix[np.diag_indices_from(matrix)] += noise / length**2
+    if radius_known:
+        matrix[-1, -1] += HELD
+    of_control = noise * np.linalg.inv(matrix)[:-1, :-1]
+    half = (values @ of_control.reshape(m, -1)).reshape(len(values), 3, m, 3)
     found = np.einsum("nimj,nm->nij", half, values)
     return np.asarray((found + found.transpose(0, 2, 1)) / 2)

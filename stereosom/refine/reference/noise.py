@@ -10,6 +10,9 @@ from .outline import pieces
 
 # Of the rounding to pixels: higher ones are small.
 HARMONICS = 3
+# Residuals of so many neighboring points of the outline are taken together, to see how much
+# less they know than if each were on its own.
+IN_A_ROW = 4
 
 
 def rounding(
@@ -58,3 +61,32 @@ def rounding(
             count = np.full(len(edges), float(edges.sum()))
         shared[piece] = variance * count
     return shared
+
+
+def likeness(weight: Floats, total: Floats, squares: Floats, samples: int) -> float:
+    """How much more the mean of near residuals varies than if they were independent.
+
+    Parameters
+    ----------
+    weight, total, squares
+        As in `Look`.
+    samples : int
+        Of the curve.
+
+    Returns
+    -------
+    float
+        At least one, which is independent.
+    """
+    sums, single = 0.0, 0
+    for piece in pieces(samples)[:2]:
+        rows = samples // IN_A_ROW
+        weights = weight[piece][: rows * IN_A_ROW].reshape(rows, IN_A_ROW).sum(axis=1)
+        totals = total[piece][: rows * IN_A_ROW].reshape(rows, IN_A_ROW).sum(axis=1)
+        seen = weights > 0
+        sums += float(np.sum(totals[seen] ** 2 / weights[seen]))
+        single += int(seen.sum())
+    if single < 4:
+        return 1.0
+    variance = float(squares.sum()) / max(float(weight.sum()), 1e-9)
+    return max(1.0, sums / single / max(variance, 1e-12))
