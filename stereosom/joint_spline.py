@@ -93,7 +93,9 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     fit = search.near(options.start) if options.start else search.anywhere()
     residuals = _check(seen, fit)
     opened = (not fit.tube.capped[0], not fit.tube.capped[1])
-    backbone, covariance = _cut_at_borders(seen, fit, opened)
+    backbone, shares = _shown_stretch(seen, fit, opened)
+    pixel = float(seen.rig.a.pixel_size(backbone.coefficients[:1])[0])
+    covariance = _covariance(fit, opened, shares, pixel)
     turned, because = _base_last(backbone, opened, seen, options)
     if turned:
         backbone, covariance = backbone.reversed(), covariance[::-1]
@@ -145,47 +147,57 @@ def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
     return residuals[0], residuals[1]
 
 
-def _cut_at_borders(
+def _shown_stretch(
     seen: Observation, fit: TubeFit, opened: tuple[bool, bool]
-) -> tuple[Backbone, Floats]:
-    """The curve, up to the border of the views at open ends, and its covariance there."""
-    backbone, start = fit.backbone, 0.0
-    if opened[0] or opened[1]:
-        s = backbone.arc_lengths(2000)
-        points = backbone(s)
-        inside = np.ones(len(s), dtype=bool)
-        assert seen.field_of_view is not None
-        for camera, corners in zip((seen.rig.a, seen.rig.b), seen.field_of_view, strict=True):
-            inside &= _inside(corners, camera.project(points))
-        shown = s[inside]
-        if len(shown) > 1:
-            start = float(shown[0]) if opened[0] else 0.0
-            stop = float(shown[-1]) if opened[1] else backbone.length
-            backbone = backbone.between(start, stop)
-    tangents, covariance = fit.tube.tangents, fit.covariance
-    steps = np.linalg.norm(np.diff(fit.tube.curve, axis=0), axis=1)
-    arc_length = np.concatenate([[0.0], np.cumsum(steps)])
-    # Sliding along the curve changes nothing but the names of its points: along it, the
-    # covariance is that of the ends, and between them so. An open end lies at the border of
-    # the view, to a pixel.
-    along = np.einsum("ni,nij,nj->n", tangents, covariance, tangents)[[0, -1]]
-    pixel = float(seen.rig.a.pixel_size(fit.backbone.coefficients[:1])[0])
-    along = np.where(opened, pixel**2, _END_FACTOR**2 * along)
-    direction = tangents[:, :, None] * tangents[:, None, :]
-    project = np.eye(3) - direction
-    weight = (arc_length / arc_length[-1])[:, None, None]
-    held = project @ covariance @ project
-    held += ((1 - weight) * along[0] + weight * along[1]) * direction
+) -> tuple[Backbone, tuple[float, float]]:
+    """The curve up to the border of the views at open ends, and where that is, as shares of it."""
+    backbone = fit.backbone
+    if not (opened[0] or opened[1]):
+        return backbone, (0.0, 1.0)
+    s = backbone.arc_lengths(2000)
+    points = backbone(s)
+    inside = np.ones(len(s), dtype=bool)
+    assert seen.field_of_view is not None
+    for camera, corners in zip((seen.rig.a, seen.rig.b), seen.field_of_view, strict=True):
+        inside &= _inside(corners, camera.project(points))
+    shown = s[inside]
+    if len(shown) < 2:
+        return backbone, (0.0, 1.0)
+    start = float(shown[0]) if opened[0] else 0.0
+    stop = float(shown[-1]) if opened[1] else backbone.length
+    shares = start / backbone.length, stop / backbone.length
+    return backbone.between(start, stop), shares
+
+
+def _covariance(
+    fit: TubeFit, opened: tuple[bool, bool], shares: tuple[float, float], pixel: float
+) -> Floats:
+    """Covariance at equal steps of the stretch of a curve that is shown, mm².
+
+    Sliding along the curve changes nothing but the names of its points: along it, the
+    covariance is that of the ends, and between them so. An open end lies at the border of the
+    view, to a pixel.
+    """
+    curve, tangents, covariance = fit.tube.curve, fit.tube.tangents, fit.covariance
+    steps = np.sqrt(np.sum((curve[1:] - curve[:-1]) ** 2, axis=1))
+    reach = np.concatenate([[0.0], np.cumsum(steps)])
+    reach /= reach[-1]
+    sliding = np.matmul(covariance, tangents[:, :, None])[:, :, 0]
+    along = np.sum(sliding * tangents, axis=1)
+    at_ends = np.where(opened, pixel**2, _END_FACTOR**2 * along[[0, -1]])
+    # (1 − ttᵀ) C (1 − ttᵀ), and what stands along the tangent t instead.
+    held = (1 - reach) * at_ends[0] + reach * at_ends[1]
+    sliding -= 0.5 * (along + held)[:, None] * tangents
+    slid = sliding[:, :, None] * tangents[:, None, :]
+    found = covariance - slid - slid.transpose(0, 2, 1)
     for end in (0, -1):
         if not opened[end]:
-            held[end] = _END_FACTOR**2 * covariance[end]
-    at = start + np.linspace(0, 1, _COVARIANCES) * backbone.length
-    at *= arc_length[-1] / fit.backbone.length
-    place = np.clip(np.searchsorted(arc_length, at) - 1, 0, len(arc_length) - 2)
-    share = (at - arc_length[place]) / np.diff(arc_length)[place]
+            found[end] = _END_FACTOR**2 * covariance[end]
+    at = np.linspace(*shares, _COVARIANCES)
+    place = np.clip(np.searchsorted(reach, at) - 1, 0, len(reach) - 2)
+    share = (at - reach[place]) / (reach[place + 1] - reach[place])
     share = np.clip(share, 0, 1)[:, None, None]
-    held = (1 - share) * held[place] + share * held[place + 1]
-    return backbone, np.asarray((held + held.transpose(0, 2, 1)) / 2)
+    return np.asarray((1 - share) * found[place] + share * found[place + 1])
 
 
 def _inside(corners: Floats, pixels: Floats) -> Booleans:

@@ -60,8 +60,8 @@ class Motion:
             assert self.last.backbone is not None
             return self.last.backbone
         reach = rest * (1 - np.exp(-max(time - self.last.time, 0.0) / rest))
-        basis = spline_basis(_PIECES)
-        return basis.backbone(basis.control_points(self.places + reach * self.velocity))
+        basis = spline_basis(_PIECES, _POINTS)
+        return basis.backbone(basis.through(self.places + reach * self.velocity))
 
     def predicted(self, index: int, time: float, why: str) -> Reconstruction:
         """A result for a frame that shows too little: carried on, and less sure with each."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -121,22 +122,38 @@ class Observation:
         return nearest
 
     def at_border(self, view: View, pixels: Any, within: float) -> Booleans:
-        """Whether (n, 2) pixels inside a view's field lie no farther from its border, (n,), px."""
-        pixels = np.asarray(pixels, dtype=float)
-        if len(pixels):
+        """Whether (n, 2) pixels inside a view's field lie no farther from its border, (n,), px.
+
+        Parameters
+        ----------
+        view : {'a', 'b'}
+        pixels : (n, 2) array
+            The device's own in this view, or points no more than half a pixel beside them.
+        within : float
+            px.
+        """
+        if self._clearance["ab".index(view)] > within + 0.5:
+            return np.zeros(len(pixels), dtype=bool)
+        return np.asarray(self.distance_to_border(view, pixels) <= within)
+
+    @cached_property
+    def _clearance(self) -> tuple[float, float]:
+        """How far the box around the device's pixels stays inside of each view's field, px."""
+        clearances = []
+        assert self.field_of_view is not None
+        for pixels, corners in zip((self.pixels_a, self.pixels_b), self.field_of_view, strict=True):
+            if len(pixels) == 0:
+                clearances.append(np.inf)
+                continue
             # A field is convex: what lies between pixels is as far from the border as they are.
-            x, y = pixels[:, 0], pixels[:, 1]
-            left, top, right, bottom = x.min(), y.min(), x.max(), y.max()
+            (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
             box = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
-            assert self.field_of_view is not None
-            corners = self.field_of_view[0 if view == "a" else 1]
-            sides = np.roll(corners, -1, axis=0) - corners
+            sides = corners[[*range(1, len(corners)), 0]] - corners
             offset = box[:, None] - corners
             inward = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
             inward /= np.maximum(np.sqrt(np.sum(sides**2, axis=1)), 1e-12)
-            if max(inward.min(), -inward.max()) > within:
-                return np.zeros(len(pixels), dtype=bool)
-        return np.asarray(self.distance_to_border(view, pixels) <= within)
+            clearances.append(float(max(inward.min(), -inward.max())))
+        return clearances[0], clearances[1]
 
 
 def picture_border(camera: Camera) -> Floats:

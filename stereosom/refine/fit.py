@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -90,17 +91,19 @@ class TubeFit:
             for look in self.looks
         )
 
-    def end_is_odd(self, end: int) -> bool:
-        """Whether the flat end at the base (0) or tip (1) is seen worse than all the rest."""
+    @cached_property
+    def odd_ends(self) -> tuple[bool, bool]:
+        """Whether the flat end at the base, and at the tip, is seen worse than all the rest."""
+        return self._end_is_odd(0), self._end_is_odd(1)
+
+    def _end_is_odd(self, end: int) -> bool:
         if not self.tube.capped[end]:
             return False
         for look in self.looks:
-            piece = pieces(look.samples)[2 + end]
-            weight = float(look.weight[piece].sum())
-            spread = float(look.squares.sum()) / max(float(look.weight.sum()), 1e-9)
-            odd = float(look.squares[piece].sum()) > _ODD * spread * weight + _ODD_PX2
             unseen = not look.cap_seen[end] and look.half_width > _NARROW_PX
-            if odd or unseen:
+            piece = pieces(look.samples)[2 + end]
+            odd = _ODD * look.spread * float(look.weight[piece].sum()) + _ODD_PX2
+            if unseen or float(look.squares[piece].sum()) > odd:
                 return True
         return False
 

@@ -178,6 +178,11 @@ class Look:
         return float(kernels().unseen(self.picture, self.rims_seen, np.array(capped)))
 
     @cached_property
+    def spread(self) -> float:
+        """Mean of the squared residuals, px²."""
+        return float(self.squares.sum()) / max(float(self.weight.sum()), 1e-9)
+
+    @cached_property
     def noise_variance(self) -> float:
         """Variance that the residuals would have if each were on its own, px²."""
         likeness = kernels().likeness(self.weight, self.total, self.squares, self.samples)

@@ -13,13 +13,13 @@ from ..arrays import Floats
 from ..backbone import Backbone
 from ..matching import space_curve
 from ..middle_line import middle_line
-from ..observation import Observation
+from ..observation import Observation, View
 from ..reconstruction import HardFrame
 from .contour import Contour, mask_contour
 from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 from .reach import other_ends
 
-_SAMPLES = 200
+_SAMPLES, _ON_TRACK_SAMPLES = 200, 121
 # Pixels of a mask this near to the border of the view are cut off there, and show no edge, px.
 _CUT_OFF = 2.5
 # Where steps get smaller than this, px, a fit from afar ends, and one that is followed.
@@ -58,13 +58,14 @@ class TubeSearch:
     @classmethod
     def of(cls, seen: Observation, radius: float | None, segments: int) -> TubeSearch:
         """Find the edges of both masks."""
-        contour_a, contour_b = mask_contour(seen.pixels_a), mask_contour(seen.pixels_b)
-        cut_a = seen.at_border("a", contour_a.points, _CUT_OFF)
-        cut_b = seen.at_border("b", contour_b.points, _CUT_OFF)
-        edges = contour_a.where(~cut_a), contour_b.where(~cut_b)
-        return cls(
-            seen, edges, (contour_a.points[cut_a], contour_b.points[cut_b]), radius, segments
-        )
+        edges, at_border = [], []
+        views: tuple[tuple[View, Floats], ...] = (("a", seen.pixels_a), ("b", seen.pixels_b))
+        for view, pixels in views:
+            contour = mask_contour(pixels)
+            cut = seen.at_border(view, contour.points, _CUT_OFF)
+            at_border.append(contour.points[cut])
+            edges.append(contour.where(~cut) if len(at_border[-1]) else contour)
+        return cls(seen, (edges[0], edges[1]), (at_border[0], at_border[1]), radius, segments)
 
     def anywhere(self) -> TubeFit:
         """Fit from the matched middle lines of both masks."""
@@ -73,14 +74,14 @@ class TubeSearch:
 
     def near(self, start: Backbone) -> TubeFit:
         """Fit from where the device is expected; anywhere, where it does not seem to be there."""
-        curve = start.polyline(_SAMPLES)
+        curve = start.polyline(_ON_TRACK_SAMPLES)
         radius = _width_radius(self.seen, curve)
         fit = self._fit(curve, radius, ON_TRACK, settled_px=_FOLLOWED_PX)
         if not fit.ends_seen:
             with suppress(HardFrame):
                 fit = min(fit, self._fit(curve, radius, FROM_NEAR), key=_cost)
         fit = self._with_better_ends(fit)
-        if _misses(fit) or fit.end_is_odd(0) or fit.end_is_odd(1):
+        if _misses(fit) or any(fit.odd_ends):
             with suppress(HardFrame):
                 fit = min(fit, self.anywhere(), key=_cost)
         return fit
@@ -117,7 +118,7 @@ class TubeSearch:
         """The best of fits that begin with an odd end otherwise."""
         for end in (0, 1):
             for _ in range(_TRIES):
-                if not fit.end_is_odd(end):
+                if not fit.odd_ends[end]:
                     break
                 before = fit
                 fit = self._other_end(fit, end)
@@ -133,7 +134,7 @@ class TubeSearch:
                 with suppress(HardFrame):
                     other = self._fit(start, fit.radius, FROM_CLOSE, passes=passes)
                     best = min(best, other, key=_cost)
-            if not best.end_is_odd(end):
+            if not best.odd_ends[end]:
                 break
         return best
 
@@ -167,6 +168,7 @@ def _first_curve(seen: Observation) -> tuple[Floats, float]:
 def _width_radius(seen: Observation, curve: Floats) -> float:
     """Radius of a filled device that follows a curve (n, 3), by the area of its masks, mm."""
     radii = []
+    curve = curve[::4]
     for camera, pixels in ((seen.rig.a, seen.pixels_a), (seen.rig.b, seen.pixels_b)):
         steps = np.linalg.norm(np.diff(camera.project(curve), axis=0), axis=1)
         half_width = len(pixels) / max(float(steps.sum()), 1.0) / 2

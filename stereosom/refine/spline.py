@@ -56,13 +56,16 @@ class SplineBasis:
         """Values of the basis, (k, m), at parameters (k,)."""
         return np.asarray(BSpline(self.knots, np.eye(self.count), DEGREE)(parameter))
 
+    def through(self, samples: Floats) -> Floats:
+        """Control points (m, 3) of the spline nearest to the samples (n, 3)."""
+        return np.asarray(self._from_samples @ samples)
+
     def control_points(self, polyline: Floats) -> Floats:
         """Control points (m, 3) that follow a polyline (k, 3) with even speed."""
-        steps = np.linalg.norm(np.diff(polyline, axis=0), axis=1)
+        steps = np.sqrt(np.sum((polyline[1:] - polyline[:-1]) ** 2, axis=1))
         reach = np.concatenate([[0.0], np.cumsum(steps)])
-        even = np.linspace(0.0, reach[-1], self.samples)
-        samples = np.column_stack([np.interp(even, reach, axis) for axis in polyline.T])
-        return np.asarray(self._from_samples @ samples)
+        even = reach[-1] / (self.samples - 1) * np.arange(self.samples)
+        return self.through(np.column_stack([np.interp(even, reach, axis) for axis in polyline.T]))
 
     def backbone(self, control: Floats) -> Backbone:
         """The curve of control points (m, 3)."""

@@ -65,8 +65,10 @@ def inverse(factors, column, corner):  # type: ignore[no-untyped-def]
         stop = min(j + WIDTH, n)
         for i in range(stop - 1, j - 1, -1):
             total = 1.0 / factors[j, 0] if i == j else 0.0
-            for k in range(j + 1, stop):
-                total -= found[max(i, k), abs(i - k)] * factors[k, k - j]
+            for k in range(j + 1, i + 1):
+                total -= found[i, i - k] * factors[k, k - j]
+            for k in range(i + 1, stop):
+                total -= found[k, k - i] * factors[k, k - j]
             found[i, i - j] = total
     reach = column.copy()
     _substitute(factors, reach)

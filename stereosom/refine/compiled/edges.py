@@ -37,18 +37,21 @@ def contour(pixels):  # type: ignore[no-untyped-def]
         column, row = int(np.rint(pixels[i, 0] - left)), int(np.rint(pixels[i, 1] - top))
         at[i] = row * width + column
         inside[at[i]] = 1
-    outer = np.zeros(width * height, dtype=np.uint8)
     kept, count = 0, 0
     for i in range(len(at)):
         missing = 0
         for step in (1, -1, width, -width):
-            missing += 1 - inside[at[i] + step]
-        if missing and not outer[at[i]]:
-            outer[at[i]] = 1
+            missing += inside[at[i] + step] == 0
+        if missing and inside[at[i]] == 1:
+            inside[at[i]] = 2  # counted
             at[kept] = at[i]
             kept += 1
             count += missing
-    at = np.sort(at[:kept])
+    at = at[:kept]
+    for i in range(kept - 1):
+        if at[i] > at[i + 1]:  # most masks come row by row
+            at = np.sort(at)
+            break
     points, directions = np.empty((count, 2)), np.empty((count, 2))
     k = 0
     for step, across_x, across_y in (
@@ -65,7 +68,7 @@ def contour(pixels):  # type: ignore[no-untyped-def]
             x, y = 0.5 * across_x, 0.5 * across_y
             for j in range(len(AROUND)):
                 near = at[i] + AROUND[j, 1] * width + AROUND[j, 0]
-                beside = inside[near] + inside[near + step]
+                beside = (inside[near] != 0) + (inside[near + step] != 0)
                 x -= beside * AROUND[j, 0]
                 y -= beside * AROUND[j, 1]
             length = max(np.sqrt(x**2 + y**2), 1e-9)

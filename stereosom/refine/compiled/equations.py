@@ -115,13 +115,22 @@ def covariance(  # type: ignore[no-untyped-def]
     inverse = band.inverse(matrix, column, corner)
     found = np.zeros((n, 3, 3))
     for i in range(n):
+        at = found[i]
         for j in range(4):
-            for k in range(4):
+            a = 3 * (first[i] + j)
+            for k in range(j):
                 weighted = noise * values[i, first[i] + j] * values[i, first[i] + k]
                 for x in range(3):
                     for y in range(3):
-                        a, b = 3 * (first[i] + j) + x, 3 * (first[i] + k) + y
-                        found[i, x, y] += weighted * inverse[max(a, b), abs(a - b)]
+                        met = weighted * inverse[a + x, 3 * (j - k) + x - y]
+                        at[x, y] += met
+                        at[y, x] += met
+            weighted = noise * values[i, first[i] + j] ** 2
+            for x in range(3):
+                for y in range(x):
+                    at[x, y] += weighted * inverse[a + x, x - y]
+                    at[y, x] += weighted * inverse[a + x, x - y]
+                at[x, x] += weighted * inverse[a + x, 0]
     return found
 
 
@@ -168,6 +177,8 @@ def _gather(values, slopes, first, speed, view, matrix, column, side):  # type: 
                 row[3 * j + axis] = value * pull[k, axis] + slope * turn[k, axis]
         at = 3 * first[i]
         for a in range(12):
+            if row[a] == 0.0:  # a clamped spline's end is its last control points alone
+                continue
             for b in range(a + 1):
                 matrix[at + a, a - b] += weight[k] * row[a] * row[b]
             column[at + a] += weight[k] * grow[k] * row[a]

@@ -2,4 +2,5 @@
 
 from numba import njit
 
-compiled = njit(cache=True, fastmath=False, nogil=True)
+# Divisions by zero are numpy's: they give infinity, and are not looked for at each of them.
+compiled = njit(cache=True, fastmath=False, nogil=True, error_model="numpy")

@@ -101,26 +101,26 @@ def _point(projection, at, radius, normal, along, ahead, k, picture, normals, pu
         at[1] + radius * normal[1],
         at[2] + radius * normal[2],
     )
-    dx, dy, out_x, out_y = 0.0, 0.0, 0.0, 0.0
-    for axis in range(3):
-        of_x = (projection[0, axis] - x * projection[2, axis]) / depth
-        of_y = (projection[1, axis] - y * projection[2, axis]) / depth
-        dx += of_x * along[axis]
-        dy += of_y * along[axis]
-        out_x += of_x * (normal[axis] + ahead[axis])
-        out_y += of_y * (normal[axis] + ahead[axis])
-    length = max(np.sqrt(dx**2 + dy**2), 1e-12)
-    nx, ny = dy / length, -dx / length
+    inverse = 1.0 / depth
+    x0 = (projection[0, 0] - x * projection[2, 0]) * inverse
+    x1 = (projection[0, 1] - x * projection[2, 1]) * inverse
+    x2 = (projection[0, 2] - x * projection[2, 2]) * inverse
+    y0 = (projection[1, 0] - y * projection[2, 0]) * inverse
+    y1 = (projection[1, 1] - y * projection[2, 1]) * inverse
+    y2 = (projection[1, 2] - y * projection[2, 2]) * inverse
+    dx = x0 * along[0] + x1 * along[1] + x2 * along[2]
+    dy = y0 * along[0] + y1 * along[1] + y2 * along[2]
+    out0, out1, out2 = normal[0] + ahead[0], normal[1] + ahead[1], normal[2] + ahead[2]
+    out_x = x0 * out0 + x1 * out1 + x2 * out2
+    out_y = y0 * out0 + y1 * out1 + y2 * out2
+    length = 1.0 / max(np.sqrt(dx**2 + dy**2), 1e-12)
+    nx, ny = dy * length, -dx * length
     if nx * out_x + ny * out_y < 0:
         nx, ny = -nx, -ny
     picture[k, 0], picture[k, 1] = x, y
     normals[k, 0], normals[k, 1] = nx, ny
-    grow[k] = 0.0
-    for axis in range(3):
-        of_x = (projection[0, axis] - x * projection[2, axis]) / depth
-        of_y = (projection[1, axis] - y * projection[2, axis]) / depth
-        pull[k, axis] = nx * of_x + ny * of_y
-        grow[k] += pull[k, axis] * normal[axis]
+    pull[k, 0], pull[k, 1], pull[k, 2] = nx * x0 + ny * y0, nx * x1 + ny * y1, nx * x2 + ny * y2
+    grow[k] = pull[k, 0] * normal[0] + pull[k, 1] * normal[1] + pull[k, 2] * normal[2]
 
 
 @compiled
