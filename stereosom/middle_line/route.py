@@ -122,7 +122,8 @@ def _turn(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> float:
     (here, heading), (there, opposite) = one, other
     across = there - here
     across = across / max(math.hypot(*across), 1e-9)
-    return sum(math.acos(min(max(way @ across, -1.0), 1.0)) for way in (heading, -opposite))
+    cosines = (float(heading @ across), float(-opposite @ across))
+    return sum(math.acos(min(max(cosine, -1.0), 1.0)) for cosine in cosines)
 
 
 def _without_crossings(parts: list[Floats], width: float) -> Floats:
