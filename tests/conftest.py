@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from pathlib import Path
 
 import pytest
 
 HERE = Path(__file__).parent
+# One thread for each worker of `pytest -n auto`: more would only wait for one another. Libraries
+# read these when they are first imported, which is after this.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
 
 
 @pytest.fixture(scope="session")
@@ -41,12 +47,16 @@ def _module(name):
 @pytest.fixture(scope="session")
 def calibration_files():
     """The module `calibration_files.py`: one calibration in every format, and its numbers."""
-    spec = importlib.util.spec_from_file_location(
-        "calibration_files", HERE / "calibration_files.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return _module("calibration_files")
+
+
+@pytest.fixture(scope="session")
+def compiled_loops():
+    """The fit's inner loops, compiled: what numba does at first use counts in no timed test."""
+    from stereosom import reconstruct
+    from stereosom.synthetic import arc, converging_rig, observe
+
+    assert reconstruct(observe(arc(60, 90), 1.0, converging_rig(60))).ok
 
 
 @pytest.fixture

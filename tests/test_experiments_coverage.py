@@ -77,12 +77,12 @@ def test_draws_from_the_stated_covariance_are_inside_as_often_as_stated():
     rng = np.random.default_rng(3)
     covariance = np.array([[0.04, 0.01, 0.0], [0.01, 0.09, 0.02], [0.0, 0.02, 0.05]])
     levels = []
-    for shift in rng.multivariate_normal(np.zeros(3), covariance, 400):
+    for shift in rng.multivariate_normal(np.zeros(3), covariance, 200):
         found = offsets(stated(LINE.transformed(np.eye(3), shift), covariance), LINE, count=3)
         levels.append(found.level)
     inside, ends = np.array(levels)[:, 1], np.array(levels)[:, [0]]
     for level in (0.5, 0.95):
-        spread = 4 * np.sqrt(level * (1 - level) / 400)
+        spread = 4 * np.sqrt(level * (1 - level) / 200)
         assert abs(np.mean(inside <= level) - level) < spread
         assert abs(np.mean(ends <= level) - level) < spread
 

@@ -244,10 +244,10 @@ def test_a_million_empty_items(enhanced_dicom, dicom_files, tmp_path):
     items = b"\xfe\xff\x00\xe0\0\0\0\0" * 1_000_000
     dataset[tag] = RawDataElement(tag, "SQ", len(items), items, 0, False, True)
     dataset.save_as(a)
-    begun = time.monotonic()
+    begun = time.process_time()
     _, line = said((a, b))
     assert "more than 100000 items" in line
-    assert time.monotonic() - begun < 1
+    assert time.process_time() - begun < 1
 
 
 @pytest.mark.slow
@@ -260,10 +260,10 @@ def test_a_million_empty_items_of_no_length(enhanced_dicom, dicom_files, tmp_pat
     items = b"\xfe\xff\x00\xe0\0\0\0\0" * 1_000_000
     begin = b"\x00\x52\x29\x92SQ\0\0\xff\xff\xff\xff"
     a.write_bytes(data[:mark] + begin + items + b"\xfe\xff\xdd\xe0\0\0\0\0" + data[mark:])
-    begun = time.monotonic()
+    begun = time.process_time()
     _, line = said((a, b))
     assert "too many items" in line
-    assert time.monotonic() - begun < 20
+    assert time.process_time() - begun < 20
 
 
 def test_the_command_ends_in_one_line(write_pair, capsys):
@@ -380,9 +380,9 @@ def test_two_thousand_damaged_files(write_pair, seed):
     ends = {"refused": 0, "read": 0, "noted": 0}
     for _ in range(500):
         a.write_bytes(mutated(whole, random, header))
-        begun = time.monotonic()
+        begun = time.process_time()
         seen, told = said((a, b))
-        assert time.monotonic() - begun < 2
+        assert time.process_time() - begun < 2
         if seen is None:
             ends["refused"] += 1
         elif told:
@@ -405,9 +405,9 @@ def test_damaged_enhanced_files(enhanced_dicom, dicom_files, tmp_path):
     ends = {"refused": 0, "read": 0, "noted": 0}
     for _ in range(500):
         a.write_bytes(mutated(whole, random, header))
-        begun = time.monotonic()
+        begun = time.process_time()
         seen, told = said((a, b))
-        assert time.monotonic() - begun < 2
+        assert time.process_time() - begun < 2
         ends["refused" if seen is None else "noted" if told else "read"] += 1
         if seen is not None and not told:
             np.testing.assert_allclose(seen[0][0], of_groups(a), atol=1e-3)

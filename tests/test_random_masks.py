@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter
 from stereosom import Observation, reconstruct
 from stereosom.synthetic import arc, converging_rig, silhouette
 
+pytestmark = pytest.mark.usefixtures("compiled_loops")
 WIDTH, HEIGHT = 96, 72
 X, Y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
 ANGLES = (5, 20, 45, 60, 90, 170)
@@ -143,6 +144,7 @@ def test_random_masks_end_in_a_result_or_a_reason():
 
 
 @pytest.mark.slow
-def test_ten_thousand_random_masks_end_in_a_result_or_a_reason():
-    found = [try_pair(seed) for seed in range(10_000)]
-    assert 200 < sum(found) < 7_500
+@pytest.mark.parametrize("thousand", range(10))
+def test_ten_thousand_random_masks_end_in_a_result_or_a_reason(thousand):
+    found = [try_pair(seed) for seed in range(1000 * thousand, 1000 * (thousand + 1))]
+    assert 20 < sum(found) < 750

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ class Chain:
     stop: int
     pixels: Floats
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Along the pixels, px."""
         return polyline_length(self.pixels)

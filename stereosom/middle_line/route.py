@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from itertools import combinations
 
@@ -109,7 +110,7 @@ def _arrival(
     before = pixels[max(0, last - first) : max(1, last - stop) + 1]
     first, at = (before if len(before) > 1 else pixels)[[0, -1]]
     step = at - first
-    return at, np.asarray(step / max(float(np.linalg.norm(step)), 1e-9))
+    return at, np.asarray(step / max(math.hypot(*step), 1e-9))
 
 
 def _turn(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> float:
@@ -120,9 +121,9 @@ def _turn(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> float:
     """
     (here, heading), (there, opposite) = one, other
     across = there - here
-    across = across / max(float(np.linalg.norm(across)), 1e-9)
-    cosines = np.clip([heading @ across, -opposite @ across], -1, 1)
-    return float(np.arccos(cosines).sum())
+    across = across / max(math.hypot(*across), 1e-9)
+    cosines = (float(heading @ across), float(-opposite @ across))
+    return sum(math.acos(min(max(cosine, -1.0), 1.0)) for cosine in cosines)
 
 
 def _without_crossings(parts: list[Floats], width: float) -> Floats:
@@ -144,10 +145,12 @@ def _bridge_gaps(routes: list[Floats], width: float) -> Floats:
             candidates = []
             for place, route in enumerate(rest):
                 for ahead in (route, route[::-1]):
-                    gap = float(np.linalg.norm(ahead[0] - whole[-1]))
+                    gap = math.dist(ahead[0], whole[-1])
+                    if gap >= _WIDEST_GAP * width:
+                        continue
                     turn = _turn(here, _arrival(ahead[::-1], width, _AT_A_HOLE))
                     short = gap < _SHORT_GAP * width and turn < _AROUND
-                    if short or (gap < _WIDEST_GAP * width and turn < _STRAIGHT_ON):
+                    if short or turn < _STRAIGHT_ON:
                         candidates.append((gap, place, ahead))
             if not candidates:
                 break

@@ -82,6 +82,9 @@ class Look:
         Number of points of the contour.
     told : int
         Number of points of the outline that edges belong to.
+    alone : float
+        Sum of squared weighted residuals over the sum of weights, px²: what the square of the
+        former's sum over the latter's is on the mean, if each residual is on its own.
     """
 
     picture: Floats
@@ -97,6 +100,7 @@ class Look:
     half_width: float
     edges: int
     told: int
+    alone: float
 
     @classmethod
     def at(
@@ -140,10 +144,10 @@ class Look:
         except ValueError:
             raise HardFrame("the fit runs behind a camera") from None
         picture, normals, pull, turn, grow, weight, total, squares, numbers = looked
-        noise, stray, half_width, told = numbers.tolist()
+        noise, stray, half_width, told, alone = numbers.tolist()
         return cls(
             picture, normals, pull, turn, grow, weight, total, squares,
-            noise, stray, half_width, len(contour), int(told),
+            noise, stray, half_width, len(contour), int(told), alone,
         )  # fmt: skip
 
     @property
@@ -185,7 +189,7 @@ class Look:
     @cached_property
     def noise_variance(self) -> float:
         """Variance that the residuals would have if each were on its own, px²."""
-        likeness = kernels().likeness(self.weight, self.total, self.squares, self.samples)
+        likeness = kernels().likeness(self.weight, self.total, self.alone, self.samples)
         return float(self.noise * likeness)
 
     @cached_property

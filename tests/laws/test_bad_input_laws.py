@@ -95,7 +95,8 @@ def test_a_start_behind_or_in_the_plane_of_a_camera(base):
 
 
 @pytest.mark.slow
-@settings(max_examples=400, deadline=None)
+@pytest.mark.usefixtures("compiled_loops")
+@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0001, 0.02), st.integers(0, 6))
 def test_garbage_for_masks_fails_with_its_reason(seed, share, smoothing):
     from scipy import ndimage

@@ -186,13 +186,14 @@ def look(projection, center, curve, tangents, radius, capped, points, directions
         weights += w
         pulls += (w * r) ** 2
         holds += (1 - far) * w**2
-    noise = 0.0
+    noise, alone = 0.0, 0.0
     if kept:
+        alone = pulls / weights
         noise = pulls / kept * (weights / kept) / max(holds / kept, 0.1) ** 2
     told = 0
     for k in range(count):
         told += weight[k] > 0
-    numbers = np.array([noise, 1 - kept / max(len(points), 1), half_width, told])
+    numbers = np.array([noise, 1 - kept / max(len(points), 1), half_width, told, alone])
     return picture, normals, pull, turn, grow, weight, total, squares, numbers
 
 

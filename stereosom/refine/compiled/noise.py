@@ -77,7 +77,7 @@ def _harmonics(cosine, sine, step, real, imaginary, at):  # type: ignore[no-unty
 
 
 @compiled
-def likeness(weight, total, squares, samples):  # type: ignore[no-untyped-def]
+def likeness(weight, total, alone, samples):  # type: ignore[no-untyped-def]
     """As `reference.likeness`."""
     sums, single = 0.0, 0
     for rim in range(2):
@@ -91,5 +91,4 @@ def likeness(weight, total, squares, samples):  # type: ignore[no-untyped-def]
                 single += 1
     if single < 4:
         return 1.0
-    variance = squares.sum() / max(weight.sum(), 1e-9)
-    return max(1.0, sums / single / max(variance, 1e-12))
+    return max(1.0, sums / single / max(alone, 1e-12))

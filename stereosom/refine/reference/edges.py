@@ -143,9 +143,9 @@ def look(
     -------
     picture, normals, pull, turn, grow, weight, total, squares : arrays
         As in `Look`.
-    (4,) array
+    (5,) array
         Noise, share of stray edges and half width, as in `Look`; number of points of the outline
-        that edges belong to.
+        that edges belong to; the sum of squared weighted residuals over that of weights, px².
 
     Raises
     ------
@@ -175,8 +175,9 @@ def look(
     weight = 1 / (1 + far)
     # P. J. Huber, "Robust Statistics", 1981, section 7.6: E ψ² / (E ψ')², where ψ is the
     # weighted residual; times the mean weight, because it is divided by their sum.
-    noise = 0.0
+    noise = alone = 0.0
     if len(residual):
+        alone = float(np.sum((weight * residual) ** 2) / weight.sum())
         holding = max(float(np.mean((1 - far) * weight**2)), 0.1)
         noise = float(np.mean((weight * residual) ** 2)) * float(weight.mean()) / holding**2
     sums = [
@@ -186,7 +187,8 @@ def look(
     return (
         picture, normals, pull, turn, grow, sums[0], sums[1], sums[2],
         np.array([
-            noise, 1 - len(residual) / max(len(points), 1), half_width, np.count_nonzero(sums[0])
+            noise, 1 - len(residual) / max(len(points), 1), half_width, np.count_nonzero(sums[0]),
+            alone,
         ]),
     )  # fmt: skip
 

@@ -63,12 +63,12 @@ def rounding(
     return shared
 
 
-def likeness(weight: Floats, total: Floats, squares: Floats, samples: int) -> float:
+def likeness(weight: Floats, total: Floats, alone: float, samples: int) -> float:
     """How much more the mean of near residuals varies than if they were independent.
 
     Parameters
     ----------
-    weight, total, squares
+    weight, total, alone
         As in `Look`.
     samples : int
         Of the curve.
@@ -88,5 +88,4 @@ def likeness(weight: Floats, total: Floats, squares: Floats, samples: int) -> fl
         single += int(seen.sum())
     if single < 4:
         return 1.0
-    variance = float(squares.sum()) / max(float(weight.sum()), 1e-9)
-    return max(1.0, sums / single / max(variance, 1e-12))
+    return max(1.0, sums / single / max(alone, 1e-12))
