@@ -116,6 +116,7 @@ class Results:
             span = source.acquisition.times[-1] - source.acquisition.times[0]
             if span > 0:
                 self.browser.SetPlaybackRateFps((len(source.acquisition) - 1) / float(span))
+        self.browser.SetAndObserveMasterSequenceNodeID(self.curve.GetID())  # first: it drops others
         self.shown = [self._synchronize(number, index) for number in (0, 1)]
 
     def add(self, result: Reconstruction) -> None:
@@ -133,8 +134,7 @@ class Results:
             sequence.SetDataNodeAtValue(model, value)
         self._add_row(result)
         self.kept.append(result)
-        if len(self.kept) == 1:
-            self.browser.SetAndObserveMasterSequenceNodeID(self.curve.GetID())
+        if len(self.kept) == 1:  # models are made for what is there
             for sequence in self.projections:
                 self.browser.AddSynchronizedSequenceNode(sequence)
         self.browser.SetSelectedItemNumber(self.curve.GetNumberOfDataNodes() - 1)

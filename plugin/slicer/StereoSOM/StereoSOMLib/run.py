@@ -70,6 +70,14 @@ def reconstruct(
     return results, frames()
 
 
+def line_of(result: Reconstruction) -> str:
+    """What is to be said of a frame."""
+    line = f"frame {result.index}: {result.status}"
+    if result.backbone is not None:
+        line += f", {result.backbone.length:.1f} mm"
+    return f"{line} ({result.reason})" if result.reason else line
+
+
 def export(results: Results, settings: Settings, folder: str | Path) -> Path:
     """Write a folder as the `stereosom` command does, and a `.seq.mrb`.
 
