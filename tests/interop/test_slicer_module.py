@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from stereosom.synthetic import arc, converging_rig
 from stereosom_plugin import fluoroscopy, polydata
@@ -163,6 +164,28 @@ def test_what_cannot_be_used_is_refused_in_one_line(tmp_path):
         assert wanted in said[name]
         assert "; " in said[name], "how to mend it"
         assert "\n" not in said[name]
+
+
+def test_slicers_own_views_draw_it(tmp_path, sample):
+    """The curve over both pictures, in the color of its view, and in 3D: off screen."""
+    python, environment = slicer_python()
+    files = [str(sample / f"plane_{plane}.dcm") for plane in "ab"]
+    call = [python, Path(__file__).with_name("slicer_views.py"), *files, tmp_path / "views.png"]
+    off_screen = {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
+    done = subprocess.run(
+        call, env=environment | off_screen, capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == 0, done.stderr
+    with Image.open(tmp_path / "views.png") as picture:
+        drawn = np.asarray(picture.convert("RGB")).astype(int)
+    a, b, space = np.split(drawn, 3, axis=1)
+    for view, wanted in ((a, (255, 191, 26)), (b, (51, 204, 255))):
+        like = np.abs(view - wanted).max(axis=2) < 40
+        rows, columns = np.nonzero(like)
+        assert len(rows) > 100
+        assert np.ptp(rows) > 80
+        assert columns.max() < view.shape[1] * 0.75
+    assert np.ptp(space.reshape(-1, 3), axis=0).min() > 100, "the background alone is blue"
 
 
 def test_the_description_satisfies_ctk_cli(tmp_path):

@@ -29,18 +29,18 @@ def show(scene: Any, results: Results) -> None:
 def _show_curve(scene: Any, model: Any) -> None:
     display = _display(model)
     display.SetLineWidth(5)
+    display.SetLighting(False)  # a line's normals are no surface's
     display.SetVisibility2D(False)
+    display.SetActiveScalarName("Curvature")
+    display.SetScalarVisibility(True)
     if scene.GetNodeByID(_COLOR_TABLE):
         display.SetAndObserveColorNodeID(_COLOR_TABLE)
-        display.SetActiveScalarName("Curvature")
-        display.SetScalarVisibility(True)
-    else:
-        display.SetColor(*COLORS[0])
 
 
 def _show_projection(scene: Any, model: Any, volume: Any, number: int) -> None:
     tag = SLICE_VIEWS[number]
     display = _display(model)
+    display.SetScalarVisibility(False)
     display.SetColor(*COLORS[number])
     display.SetVisibility2D(True)
     display.SetVisibility3D(False)
