@@ -314,7 +314,7 @@ def test_nothing_is_installed_where_nothing_is_missing(packages):
         raise AssertionError("asked or installed")
 
     needed = packages.needed(dicom=True)
-    assert [package.module for package in needed][0] == "stereosom_plugin"
+    assert needed[0].module == "stereosom_plugin"
     assert packages.install_missing(needed, install=never, agree=never) == []
 
 
@@ -385,7 +385,8 @@ def test_own_package_is_that_of_the_checkout_or_the_published_one(packages, tmp_
 
 def test_nothing_heavy_is_needed_before_packages_are_there():
     """A fresh Slicer loads the module with none of ours installed."""
-    code = "import StereoSOMLib.packages, StereoSOMLib.settings, sys; print('stereosom' in sys.modules)"
+    modules = "StereoSOMLib.packages, StereoSOMLib.settings, sys"
+    code = f"import {modules}; print('stereosom' in sys.modules)"
     environment = os.environ | {"PYTHONPATH": str(MODULE)}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True)
     assert done.stdout.strip() == b"False", done.stderr
@@ -417,7 +418,8 @@ def test_every_file_is_built_into_the_extension():
         assert file.as_posix() in cmake
     for named in re.findall(r"^  (\S+\.\w+)$", cmake, re.M):
         assert (MODULE / named).is_file()
-    for folder in re.findall(r"add_subdirectory\((\w+)\)", (EXTENSION / "CMakeLists.txt").read_text()):
+    whole = (EXTENSION / "CMakeLists.txt").read_text("utf-8")
+    for folder in re.findall(r"add_subdirectory\((\w+)\)", whole):
         assert (EXTENSION / folder / "CMakeLists.txt").is_file()
 
 
@@ -450,8 +452,9 @@ def test_command_line_module_describes_itself():
 
 def test_command_line_module_runs_as_slicer_calls_it(mask_case, tmp_path, capsys):
     words = [
-        mask_case / "a.png", mask_case / "b.png", "--kind", "masks", "--rig", mask_case / "rig.json",
-        "--output", tmp_path / "out", "--centerline", tmp_path / "c.vtp", "--radius", "0",
+        mask_case / "a.png", mask_case / "b.png", "--kind", "masks",
+        "--rig", mask_case / "rig.json", "--output", tmp_path / "out",
+        "--centerline", tmp_path / "c.vtp", "--radius", "0",
         "--frames", "", "--returnparameterfile", tmp_path / "returned.txt",
         "--processinformationaddress", "0",
     ]  # fmt: skip

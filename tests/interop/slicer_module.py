@@ -29,6 +29,7 @@ def new_scene():
 def sequence(scene, pictures, times, uid=""):
     """Make a sequence of pictures as the DICOM module makes it, without its browser."""
     import slicer
+
     from StereoSOMLib.example import image_data
 
     node = scene.AddNewNodeByClass("vtkMRMLSequenceNode", "pictures")
@@ -88,11 +89,11 @@ def sum_of(volume):
 def masks(folder):
     """Three frames of masks: an empty picture, a quarter circle, a larger quarter circle."""
     import numpy as np
-    from StereoSOMLib import run, showing
-    from StereoSOMLib.settings import Settings
 
     from stereosom.synthetic import arc, converging_rig, silhouette
     from stereosom_plugin.calibration import write_rig
+    from StereoSOMLib import run, showing
+    from StereoSOMLib.settings import Settings
 
     scene, logic = new_scene()
     rig = converging_rig(60, focal_length=1200, image_size=(512, 384))
@@ -139,7 +140,8 @@ def masks(folder):
         for model in results.models
     ]
     seen["backgrounds"] = [
-        scene.GetSingletonNode(tag, "vtkMRMLSliceCompositeNode").GetBackgroundVolumeID() == v.GetID()
+        scene.GetSingletonNode(tag, "vtkMRMLSliceCompositeNode").GetBackgroundVolumeID()
+        == v.GetID()
         for tag, v in zip(("Red", "Yellow"), shown, strict=True)
     ]
     # The model in the scene, and what Slicer's own reader makes of our file of the same frame.
@@ -181,10 +183,9 @@ def views_of(model):
 
 def dicom(folder, plane_a, plane_b):
     """The study that ships, its planes chosen in the wrong order, two frames dropped from b."""
+    from stereosom_plugin.fluoroscopy import read_biplane
     from StereoSOMLib import run
     from StereoSOMLib.settings import Settings
-
-    from stereosom_plugin.fluoroscopy import read_biplane
 
     acquisition = read_biplane(plane_a, plane_b)
     files = dict(zip(acquisition.source_uids, (plane_a, plane_b), strict=True))
@@ -211,6 +212,7 @@ def refusals(folder):
     """What cannot be used is refused in one line: what, why, how to mend it."""
     import numpy as np
     import slicer
+
     from StereoSOMLib import run
     from StereoSOMLib.example import quarter_circle, volume
     from StereoSOMLib.settings import Settings

@@ -24,9 +24,7 @@ def write(scene, node, storage_class, path):
     storage.SetFileName(path)
     written = bool(storage.WriteData(node))
     messages = storage.GetUserMessages()
-    return written, [
-        messages.GetNthMessageText(i) for i in range(messages.GetNumberOfMessages())
-    ]
+    return written, [messages.GetNthMessageText(i) for i in range(messages.GetNumberOfMessages())]
 
 
 def read_sequence(scene, path, folder):

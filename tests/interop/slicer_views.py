@@ -14,14 +14,14 @@ def main(plane_a, plane_b, picture):
     import numpy as np
     import slicer
     from slicer_module import browsed, sequence
-    from StereoSOMLib import run, showing
-    from StereoSOMLib.settings import Settings
     from trame_slicer.core import SlicerApp
     from trame_slicer.views import NoScheduleRendering, SliceView, ThreeDView
     from vtk.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
 
     from stereosom_plugin.fluoroscopy import read_biplane
+    from StereoSOMLib import run, showing
+    from StereoSOMLib.settings import Settings
 
     application = SlicerApp()
     scene = application.scene

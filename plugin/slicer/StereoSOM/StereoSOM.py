@@ -43,7 +43,7 @@ class StereoSOM(ScriptedLoadableModule):
 # `Optional` and `Union`: the wrapper reads these when the module is loaded, in old Pythons, too.
 @parameterNodeWrapper
 class StereoSOMParameterNode:
-    """What is chosen in the panel; saved with the scene. The names of `Settings`, and the inputs."""
+    """What is chosen in the panel, saved with the scene: the inputs, and all of `Settings`."""
 
     viewA: Union[vtkMRMLScalarVolumeNode, vtkMRMLSequenceNode, None]  # noqa: UP007
     viewB: Union[vtkMRMLScalarVolumeNode, vtkMRMLSequenceNode, None]  # noqa: UP007
@@ -279,6 +279,6 @@ class StereoSOMTest(ScriptedLoadableModuleTest):
 
             chosen.viewA, chosen.viewB = quarter_circle(slicer.mrmlScene, chosen.rigFile)
             lines = list(logic.process(chosen))
-        self.assertEqual(len(lines), 1)
+        assert len(lines) == 1
         length = logic.results.kept[0].backbone.length
-        self.assertAlmostEqual(length, 60 * math.pi / 2, delta=1.0)
+        assert abs(length - 60 * math.pi / 2) < 1.0

@@ -57,7 +57,7 @@ def needed(*, dicom: bool) -> list[Package]:
     return [own_package(), SCIPY, SCIKIT_IMAGE, *([PYDICOM] if dicom else [])]
 
 
-def check_python(python: Sequence[int] = sys.version_info) -> None:
+def check_python(python: Sequence[int] = tuple(sys.version_info[:2])) -> None:
     """Raise CannotInstall where this Slicer's Python is too old."""
     if tuple(python[:2]) < OLDEST_PYTHON:
         raise CannotInstall(

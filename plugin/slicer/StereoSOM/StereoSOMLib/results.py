@@ -146,7 +146,7 @@ class Results:
 
     def result_shown(self) -> Reconstruction:
         """Return the frame that the browser stands at."""
-        return self.kept[max(0, self.browser.GetSelectedItemNumber())]
+        return self.kept[max(0, int(self.browser.GetSelectedItemNumber()))]
 
     def _add_row(self, result: Reconstruction) -> None:
         nan = float("nan")
@@ -209,4 +209,3 @@ class _Index:
         except ValueError:
             node.SetIndexType(node.TextIndex)
         return node
-

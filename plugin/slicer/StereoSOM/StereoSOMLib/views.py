@@ -167,9 +167,7 @@ def source_from_rig(a: View, b: View, rig_file: str, rate: float) -> Source:
         Where the views do not pair, or not with the file.
     """
     if len(a) != len(b):
-        raise InputError(
-            "views a, b", f"have {len(a)} and {len(b)} frames", "choose two that pair"
-        )
+        raise InputError("views a, b", f"have {len(a)} and {len(b)} frames", "choose two that pair")
     calibration = read_calibration(rig_file)
     count, rigs = len(a), calibration.rigs
     if len(rigs) not in (1, count):
@@ -195,7 +193,12 @@ def source_from_rig(a: View, b: View, rig_file: str, rate: float) -> Source:
         return a.picture(frame), b.picture(frame)
 
     acquisition = Acquisition(
-        read, rigs, times - times[0], (Path(rig_file),), notes=tuple(notes), lenses=calibration.lenses
+        read,
+        rigs,
+        times - times[0],
+        (Path(rig_file),),
+        notes=tuple(notes),
+        lenses=calibration.lenses,
     )
     return Source(acquisition, (a, b), (list(range(count)), list(range(count))), "slicer")
 
