@@ -24,7 +24,7 @@ from stereosom_plugin.cli import main
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.exports import export, read_markups, write_markups
 
-SUFFIXES = [".glb", ".html", ".mrk.json", ".seq.mrb"]
+SUFFIXES = [".glb", ".html", ".mrk.json", ".seq.mrb", ".seq.mrml"]
 
 
 def frame(index, **changes):
@@ -258,6 +258,29 @@ def test_sequence_holds_a_model_a_time(tmp_path):
         np.testing.assert_allclose(points, arc(50 + 5 * number, 90).sample(200), atol=1e-6)
         assert reader.GetOutput().GetPointData().HasArray("Covariance")
         assert reader.GetOutput().GetCellData().HasArray("Length")
+
+
+def test_sequence_with_its_data_beside_it(tmp_path):
+    """The same scene as in the bundle; the data lie where it says, and go with an older run."""
+    export(lines(3), tmp_path / "run.seq.mrml")
+    export(lines(2), tmp_path / "run.seq.mrml")
+    export(lines(2), tmp_path / "run.seq.mrb")
+    with zipfile.ZipFile(tmp_path / "run.seq.mrb") as bundle:
+        bundled = bundle.read("run.seq/run.mrml").decode()
+    scene = (tmp_path / "run.seq.mrml").read_text("utf-8")
+    assert scene == bundled.replace("Data/", "run.seq.data/")
+    data = sorted((tmp_path / "run.seq.data").iterdir())
+    assert [file.name for file in data] == ["centerline_0.vtp", "centerline_1.vtp"]
+    for file, line in zip(data, lines(2), strict=True):
+        np.testing.assert_allclose(polydata.read_vtp(file).points, line.points)
+
+
+def test_sequence_leaves_the_files_of_others_alone(tmp_path):
+    (tmp_path / "run.seq.data").mkdir()
+    (tmp_path / "run.seq.data" / "mine.txt").write_text("")
+    with pytest.raises(InputError, match="holds other files; give --output another name"):
+        export(lines(2), tmp_path / "run.seq.mrml")
+    assert [f.name for f in tmp_path.rglob("*")] == ["run.seq.data", "mine.txt"]
 
 
 def test_sequence_of_fast_frames_keeps_them_apart(tmp_path):

@@ -6,8 +6,8 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Sequence
-from typing import NoReturn
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NoReturn
 
 from .errors import InputError
 
@@ -15,8 +15,14 @@ _NOT_A_DEVICE = "Research software, not a medical device."
 _VECTOR_OPTIONS = {"--base", "--direction"}
 
 
-def main(words: Sequence[str] | None = None) -> int:
+def main(
+    words: Sequence[str] | None = None,
+    *,
+    progress: Callable[[Iterable[Any]], Iterable[Any]] | None = None,
+) -> int:
     """Run the command; returns the exit code.
+
+    `progress` wraps the frames of a run, for programs that show how far it is in their own way.
 
     0: every frame reconstructed. 1: some frames failed, the rest are written. 2: the input
     or the call is wrong, with one line on standard error.
@@ -24,6 +30,7 @@ def main(words: Sequence[str] | None = None) -> int:
     words = _joined(sys.argv[1:] if words is None else list(words))
     try:
         arguments = _parser().parse_args(words)
+        arguments.progress = progress
         return int(arguments.run(arguments))
     except (_WrongCall, InputError, ImportError) as error:
         return _refuse(str(error))
@@ -61,12 +68,14 @@ def _refuse(text: str) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     from .commands import COMMANDS
+    from .version import generator
 
     parser = _Parser(
         prog="stereosom",
         description="Two views of a thin flexible device in, its 3D backbone out. " + _NOT_A_DEVICE,
         epilog="Begin with: stereosom demo",
     )
+    parser.add_argument("--version", action="version", version=generator())
     choices = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, command in COMMANDS.items():
         words = choices.add_parser(

@@ -8,7 +8,6 @@ contract with VMTK (`Abscissas`, `MaximumInscribedSphereRadius`, ...), SlicerVMT
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
@@ -21,6 +20,7 @@ from stereosom.reconstruction import Reconstruction
 
 from .centerline import Centerline, from_polydata, read_vtp
 from .files import write_whole
+from .version import generator
 from .vtp_writer import make_polydata, vtp_text
 
 if TYPE_CHECKING:
@@ -138,14 +138,6 @@ def write_markups(result: Reconstruction, path: str | Path, *, samples: int = 50
     from .exports import markups
 
     markups.write_markups(to_centerline(result, samples=samples), path, most_points=samples)
-
-
-def generator() -> str:
-    """Name and version of this program, as files carry it."""
-    try:
-        return f"stereosom {version('stereosom')}"
-    except PackageNotFoundError:  # a checkout on the path, as in 3D Slicer
-        return "stereosom"
 
 
 def _sampled(result: Reconstruction, count: int, spacing: float | None) -> tuple[Backbone, Floats]:

@@ -12,7 +12,9 @@ vtk_data = require("vtkmodules.vtkCommonDataModel", "vtk")
 numpy_support = require("vtkmodules.util.numpy_support", "vtk")
 
 
-def picture_of(image: Any, view: str, *, top_down: bool = False) -> Any:
+def picture_of(
+    image: Any, view: str, *, top_down: bool = False, slice_number: int | None = None
+) -> Any:
     """Gray values of `vtkImageData`, (rows, columns), the top row first.
 
     Parameters
@@ -23,6 +25,8 @@ def picture_of(image: Any, view: str, *, top_down: bool = False) -> Any:
         Its name in messages.
     top_down : bool
         Whether its first row is the top; VTK's readers of pictures begin at the bottom.
+    slice_number : int, optional
+        Which slice of a volume is the picture, from zero.
 
     Raises
     ------
@@ -32,7 +36,7 @@ def picture_of(image: Any, view: str, *, top_down: bool = False) -> Any:
     columns, rows, slices = image.GetDimensions() if image is not None else (0, 0, 0)
     if columns * rows * slices == 0:
         raise InputError(f"view {view}", "holds no picture", "give image data that is not empty")
-    if slices != 1:
+    if slices != 1 and slice_number is None:
         raise InputError(
             f"view {view}",
             f"is a volume of {slices} slices",
@@ -46,7 +50,7 @@ def picture_of(image: Any, view: str, *, top_down: bool = False) -> Any:
     values = numpy_support.vtk_to_numpy(scalars)
     if values.ndim == 2:  # color, with or without opacity: gray is the mean of what is seen
         values = values[:, : 3 if values.shape[1] > 2 else 1].mean(axis=1)
-    picture = values.reshape(rows, columns)
+    picture = values.reshape(slices, rows, columns)[slice_number or 0]
     return picture if top_down else picture[::-1]
 
 

@@ -1,6 +1,6 @@
 """Run by 3D Slicer's own Python: read our files, print what Slicer made of them, write them again.
 
-`python slicer_read.py CENTERLINE.vtp CURVE.mrk.json [RUN.seq.mrb FOLDER]` prints one line of
+`python slicer_read.py CENTERLINE.vtp CURVE.mrk.json [FOLDER SEQUENCE...]` prints one line of
 JSON; what Slicer writes goes into FOLDER.
 """
 
@@ -22,11 +22,13 @@ def write(scene, node, storage_class, path):
     """Write a node as the application does."""
     storage = scene.AddNewNodeByClass(storage_class)
     storage.SetFileName(path)
-    return bool(storage.WriteData(node))
+    written = bool(storage.WriteData(node))
+    messages = storage.GetUserMessages()
+    return written, [messages.GetNthMessageText(i) for i in range(messages.GetNumberOfMessages())]
 
 
 def read_sequence(scene, path, folder):
-    """Read a bundle, and say what each of its times holds."""
+    """Read a sequence, and say what each of its times holds."""
     import slicer
     from vtk.util.numpy_support import vtk_to_numpy
 
@@ -37,7 +39,7 @@ def read_sequence(scene, path, folder):
     scene.SetDataIOManager(manager)
     node, seen = read(scene, "vtkMRMLSequenceNode", "vtkMRMLSequenceStorageNode", path)
     models = [node.GetNthDataNode(i) for i in range(node.GetNumberOfDataNodes())]
-    return seen | {
+    return node, seen | {
         "index": [node.GetIndexName(), node.GetIndexUnit(), node.GetIndexTypeAsString()],
         "times": [node.GetNthIndexValue(i) for i in range(len(models))],
         "classes": [model.GetClassName() for model in models],
@@ -46,7 +48,19 @@ def read_sequence(scene, path, folder):
     }
 
 
-def main(model_path, curve_path, sequence_path=None, folder=None):
+def rewritten(scene, node, folder):
+    """Write a sequence both ways, and read back what was written."""
+    seen = []
+    for name in ("again.seq.mrb", "again.seq.mrml"):
+        path = f"{folder}/{name}"
+        written, messages = write(scene, node, "vtkMRMLSequenceStorageNode", path)
+        seen.append({"written": written, "messages": messages})
+        if written:
+            seen[-1] |= read_sequence(scene, path, folder)[1] | {"messages": messages}
+    return seen
+
+
+def main(model_path, curve_path, folder=None, *sequence_paths):
     """Print what is in memory after reading: coordinates are RAS."""
     # Here, not above: pytest imports this file too, with a Python that has no Slicer.
     import slicer
@@ -92,20 +106,23 @@ def main(model_path, curve_path, sequence_path=None, folder=None):
             curve.GetNthMeasurement(i).GetName() for i in range(curve.GetNumberOfMeasurements())
         ],
     }
-    everything = {"model": seen, "curve": seen_curve}
+    everything = {"model": seen, "curve": seen_curve, "vtk": window.GetOutput()}
     if folder:
-        everything["sequence"] = read_sequence(scene, sequence_path, folder)
+        read_ones = [read_sequence(scene, path, folder) for path in sequence_paths]
+        everything["sequences"] = [seen for _, seen in read_ones]
         vtkObject.GlobalWarningDisplayOff()  # this scene has no unit nodes, and editing misses them
-        written = [write(scene, model, "vtkMRMLModelStorageNode", f"{folder}/lps.vtp")]
+        everything["vtk"] = window.GetOutput()  # of reading; zips are written with many words
+        everything["rewritten"] = rewritten(scene, read_ones[0][0], folder) if read_ones else []
+        written = [write(scene, model, "vtkMRMLModelStorageNode", f"{folder}/lps.vtp")[0]]
         storage = scene.AddNewNodeByClass("vtkMRMLModelStorageNode")
         storage.SetCoordinateSystem(slicer.vtkMRMLStorageNode.CoordinateSystemRAS)
         storage.SetFileName(f"{folder}/ras.vtp")
         written.append(bool(storage.WriteData(model)))
         curve.SetNthControlPointPositionWorld(1, 1.0, 2.0, 3.0)  # the user drags a point
         json_class = "vtkMRMLMarkupsJsonStorageNode"
-        written.append(write(scene, curve, json_class, f"{folder}/moved.mrk.json"))
+        written.append(write(scene, curve, json_class, f"{folder}/moved.mrk.json")[0])
         everything["written"] = written
-    print(json.dumps({**everything, "vtk": window.GetOutput()}))
+    print(json.dumps(everything))
 
 
 if __name__ == "__main__":

@@ -100,16 +100,18 @@ def there_and_back(tmp_path_factory, read_by_slicer):
     lines = [polydata.to_centerline(result) for result in results]
     lines[1] = replace(lines[1], points=1.1 * lines[1].points)
     exports.write_sequence(lines, folder / "run.seq.mrb")
-    names = ("c.vtp", "c.mrk.json", "run.seq.mrb", ".")
+    exports.write_sequence(lines, folder / "läuft 50%.seq.mrml")
+    names = ("c.vtp", "c.mrk.json", ".", "run.seq.mrb", "läuft 50%.seq.mrml")
     seen, errors = read_by_slicer(*(folder / name for name in names))
     assert (seen["vtk"], errors) == ("", "")
     assert seen["written"] == [True] * 3
     return lines, seen, folder
 
 
-def test_sequence_plays_in_seconds(there_and_back):
+@pytest.mark.parametrize("number", [0, 1], ids=["bundle", "data beside it"])
+def test_sequence_plays_in_seconds(there_and_back, number):
     lines, seen, _ = there_and_back
-    sequence = seen["sequence"]
+    sequence = seen["sequences"][number]
     assert (sequence["read"], sequence["messages"]) == (True, [])
     assert sequence["index"] == ["time", "s", "numeric"]
     assert [float(time) for time in sequence["times"]] == pytest.approx([0, 1 / 30])
@@ -117,6 +119,18 @@ def test_sequence_plays_in_seconds(there_and_back):
     assert sequence["arrays"] == [len(line.arrays) for line in lines]
     for points, line in zip(sequence["points"], lines, strict=True):
         np.testing.assert_allclose(points, line.points * TO_RAS, atol=1e-6)
+
+
+def test_slicer_writes_our_sequence_as_a_bundle_again(there_and_back):
+    """And with its data beside it never: Slicer reads models so, but does not write them."""
+    lines, seen, _ = there_and_back
+    bundle, beside = seen["rewritten"]
+    assert not beside["written"]
+    assert "contains storable nodes" in beside["messages"][0]
+    assert bundle["written"]
+    assert [float(time) for time in bundle["times"]] == pytest.approx([0, 1 / 30])
+    for points, line in zip(bundle["points"], lines, strict=True):
+        np.testing.assert_allclose(points, line.points * TO_RAS, atol=1e-4)
 
 
 @pytest.mark.parametrize("space", ["lps", "ras"])

@@ -26,7 +26,7 @@ def add_words(parser: argparse.ArgumentParser) -> None:
         "--output",
         required=True,
         metavar="FILE",
-        help=".glb and .html (tube, a run plays), .seq.mrb (3D Slicer sequence), "
+        help=".glb and .html (tube, a run plays), .seq.mrb or .seq.mrml (3D Slicer sequence), "
         ".mrk.json (3D Slicer curve of one frame)",
     )
     parser.add_argument("--frame", type=int, metavar="N", help="of a folder; default: all")

@@ -114,8 +114,10 @@ def _frames(wanted: tuple[int | None, int | None] | None, count: int) -> range:
 
 def progress_bar(
     arguments: Arguments, does: str = "reconstructing"
-) -> Callable[[Iterable[Any]], Iterator[Any]]:
-    """A bar on a terminal; nothing in a pipe."""
+) -> Callable[[Iterable[Any]], Iterable[Any]]:
+    """A bar on a terminal; nothing in a pipe; or what the caller of `cli.main` shows."""
+    if getattr(arguments, "progress", None) is not None:
+        return arguments.progress  # type: ignore[no-any-return]
     if arguments.quiet or not sys.stderr.isatty():
         return iter
     bar = require("tqdm", "fluoroscopy").tqdm

@@ -2,7 +2,7 @@
 
 `markups` and `sequence` are for 3D Slicer, `gltf` for Blender and web viewers, `web_page` for
 a browser. Each takes the centerlines of a run, in order of time, and writes one file, whole or
-not at all.
+not at all (`.seq.mrml` keeps its data in a folder beside it).
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ SUFFIXES = {
     ".html": "a page that any browser opens without a network; a run plays",
     ".mrk.json": "a curve that 3D Slicer edits, of one frame",
     ".seq.mrb": "a sequence that 3D Slicer plays",
+    ".seq.mrml": "the same, its data in a folder beside it",
 }
 
 
@@ -60,7 +61,7 @@ def export(lines: Sequence[Centerline], path: str | Path, *, color_by: str | Non
         write_glb(lines, path, color_by=color_by)
     elif name.endswith(".html"):
         write_web_page(lines, path, color_by=color_by)
-    elif name.endswith(".seq.mrb"):
+    elif name.endswith((".seq.mrb", ".seq.mrml")):
         write_sequence(lines, path)
     elif name.endswith(".mrk.json"):
         if len(lines) > 1:
