@@ -52,9 +52,13 @@ def test_a_tracked_curve_is_the_one_that_is_found_cold(run):
         cold = reconstruct(seen, options=Options(prior=Prior(base=tracked.backbone.base)))
         s = tracked.backbone.arc_lengths(50)[2:-2]
         apart = distance_to_curve(tracked.backbone(s), cold.backbone)
-        farthest.append((apart / tracked.standard_deviation_at(s)).max())
-    assert np.median(farthest) < 0.5
-    assert max(farthest) < 2.45  # each in the other's 95 % region: two deviations across
+        same = s / tracked.backbone.length * cold.backbone.length
+        both = tracked.standard_deviation_at(s) + cold.standard_deviation_at(same)
+        farthest.append((apart / both).max())
+    assert np.median(farthest) < 0.3
+    # An end may bend to either side and explain the outlines as well (frames 14 and 16 on): then
+    # the two find one bend each, and their 95 % regions, of 2.45 deviations across, meet.
+    assert max(farthest) < 2.45
 
 
 @pytest.mark.slow
