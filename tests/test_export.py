@@ -283,6 +283,13 @@ def test_sequence_leaves_the_files_of_others_alone(tmp_path):
     assert [f.name for f in tmp_path.rglob("*")] == ["run.seq.data", "mine.txt"]
 
 
+def test_sequence_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
+    (tmp_path / "run.seq.mrml").mkdir()  # nothing takes the place of a folder
+    with pytest.raises(InputError, match="cannot be written"):
+        export(lines(2), tmp_path / "run.seq.mrml")
+    assert [f.name for f in tmp_path.rglob("*")] == ["run.seq.mrml"]
+
+
 def test_sequence_of_fast_frames_keeps_them_apart(tmp_path):
     """Slicer takes times for one that differ by less than a tolerance."""
     fast = [replace(line, time=line.time / 1000) for line in lines(2)]

@@ -76,7 +76,9 @@ def read_vtp(path: str | Path) -> Centerline:
     try:
         _check_header(data)
         return from_content(decode(data))
-    except (ValueError, expat.ExpatError) as error:
+    except expat.ExpatError as error:
+        raise _refusal(path, f"is no .vtp, for it is no XML ({error})") from error
+    except ValueError as error:
         raise _refusal(path, str(error)) from error
 
 

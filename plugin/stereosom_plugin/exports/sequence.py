@@ -54,6 +54,8 @@ def write_sequence(lines: Sequence[Centerline], path: str | Path) -> None:
 
 def _write_scene_and_data(lines: Sequence[Centerline], path: Path) -> None:
     data = path.with_name(f"{path.name[: -len('.mrml')]}.data")
+    if path.is_dir():
+        raise InputError(path, "cannot be written (it is a folder)", "give another name")
     try:
         data.mkdir(exist_ok=True)
         sweep(data)
@@ -66,11 +68,17 @@ def _write_scene_and_data(lines: Sequence[Centerline], path: Path) -> None:
     except OSError as error:
         why = f"cannot be written ({error.strerror or error})"
         raise InputError(data, why, "give a folder that exists and may be written to") from error
-    for number, line in enumerate(lines):
-        with write_whole(data / _file_name(number)) as part:
-            part.write_text(vtp_text(polydata_of(line)), encoding="utf-8")
-    with write_whole(path) as part:
-        part.write_text(_scene(lines, data.name), encoding="utf-8")
+    try:
+        for number, line in enumerate(lines):
+            with write_whole(data / _file_name(number)) as part:
+                part.write_text(vtp_text(polydata_of(line)), encoding="utf-8")
+        with write_whole(path) as part:
+            part.write_text(_scene(lines, data.name), encoding="utf-8")
+    except InputError:  # the disk is full: what nothing names is not left behind
+        for number in range(len(lines)):
+            (data / _file_name(number)).unlink(missing_ok=True)
+        data.rmdir()
+        raise
 
 
 def _file_name(number: int) -> str:

@@ -57,10 +57,15 @@ def picture_quad(camera: Camera, depth: float) -> Any:
     return quad
 
 
-def texture(image: Image) -> Any:
-    """A picture to be spread over its quad."""
+def texture(image: Image, stage: int) -> Any:
+    """A picture to be spread over its quad, on a stage that is so many px high.
+
+    Mipmaps keep a picture smooth that is drawn much smaller than it is; to make them takes
+    software OpenGL as long as to draw all the rest.
+    """
     made = pv.Texture(stretched(image))
-    made.interpolate = made.mipmap = True
+    made.interpolate = True
+    made.mipmap = max(np.shape(image)[:2]) > stage / 2
     return made
 
 
