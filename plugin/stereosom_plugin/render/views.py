@@ -57,15 +57,10 @@ def picture_quad(camera: Camera, depth: float) -> Any:
     return quad
 
 
-def texture(image: Image, stage: int) -> Any:
-    """A picture to be spread over its quad, on a stage that is so many px high.
-
-    Mipmaps keep a picture smooth that is drawn much smaller than it is; to make them takes
-    software OpenGL as long as to draw all the rest.
-    """
+def texture(image: Image) -> Any:
+    """A picture to be spread over its quad."""
     made = pv.Texture(stretched(image))
-    made.interpolate = True
-    made.mipmap = max(np.shape(image)[:2]) > stage / 2
+    made.interpolate = made.mipmap = True
     return made
 
 
