@@ -251,7 +251,8 @@ class Stage:
             image = shot.images["ab".index(name)] if shot.images else None
             style = {"color": SHEET if image is None else "white", "lighting": False}
             actor = self._put(f"picture {name}", quad, **style)
-            actor.texture = None if image is None else views.texture(image)
+            stage = _FINE * min(self._size)
+            actor.texture = None if image is None else views.texture(image, stage)
         border = polyline(quad.points[[0, 1, 2, 3, 0]])
         self._put(f"border {name}", border, color=color, line_width=self._line(3))
         if self._view != "overview":

@@ -57,10 +57,15 @@ def picture_quad(camera: Camera, depth: float) -> Any:
     return quad
 
 
-def texture(image: Image) -> Any:
-    """A picture to be spread over its quad."""
+def texture(image: Image, stage: int) -> Any:
+    """A picture to be spread over its quad, on a stage that is so many px high.
+
+    Mipmaps keep a picture smooth that is drawn less than half as large as it is; with them,
+    software OpenGL takes twice as long to draw a shot. A picture fills about half the stage.
+    """
     made = pv.Texture(stretched(image))
-    made.interpolate = made.mipmap = True
+    made.interpolate = True
+    made.mipmap = max(np.shape(image)[:2]) > stage
     return made
 
 
