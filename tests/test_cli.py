@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 
 import numpy as np
 import pydicom
@@ -42,6 +43,32 @@ def demo(tmp_path_factory):
     output = tmp_path_factory.mktemp("demo") / "out"
     assert main(["demo", "--output", str(output), "--quiet"]) == 0
     return output
+
+
+def test_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["--version"])
+    assert capsys.readouterr().out == f"stereosom {version('stereosom')}\n"
+
+
+def test_callers_can_show_progress_in_their_own_way(mask_case, tmp_path, capsys):
+    begun = []
+
+    def told(frames):
+        for frame in frames:
+            begun.append(frame)
+            yield frame
+
+    masks = [str(mask_case / name) for name in ("a.png", "b.png")]
+    words = ["--rig", str(mask_case / "rig.json"), "--output", str(tmp_path / "out"), "--quiet"]
+    assert main(["masks", *masks, *words], progress=told) == 0
+    assert begun == [0]
+
+
+def test_a_text_is_no_centerline_and_the_message_says_so(tmp_path, capsys):
+    (tmp_path / "some.txt").write_text("hello\n")
+    assert main(["render", str(tmp_path / "some.txt"), "--output", str(tmp_path / "x.png")]) == 2
+    assert "some.txt: is no .vtp, for it is no XML" in capsys.readouterr().err
 
 
 def test_demo_leaves_centerlines_a_table_a_series_and_pictures(demo):

@@ -106,8 +106,11 @@ def masks(folder):
         ]
         for camera in (rig.a, rig.b)
     ]
-    times = ["0.000", "0.067", "0.133"]
-    shown = browsed(scene, [sequence(scene, of_view, times) for of_view in pictures])
+    # The clock of view b is off: its pictures are paired by number.
+    times = ["0.000", "0.067", "0.133"], ["0.010", "0.060", "0.120"]
+    shown = browsed(
+        scene, [sequence(scene, *of_view) for of_view in zip(pictures, times, strict=True)]
+    )
     settings = Settings(segmenter="mask", samples=50)
     rig_file = str(folder / "rig.json")
     source = run.open_source(scene, *shown, rig_file, settings, lambda uid: None)
@@ -121,11 +124,12 @@ def masks(folder):
         seen["frames"].append(
             {
                 "points": [points_of(model) for model in results.models],
-                "pictures": [sum_of(volume) for volume in shown],
+                "pictures": [sum_of(volume) for volume in results.shown],
             }
         )
     seen["wanted_pictures"] = [[int(p[n].sum()) for p in pictures] for n in range(3)]
     seen["times"] = [results.curve.GetNthIndexValue(i) for i in range(3)]
+    seen["own"] = [a.GetID() == b.GetID() for a, b in zip(shown, results.shown, strict=True)]
     seen["unit"] = [results.curve.GetIndexName(), results.curve.GetIndexUnit()]
     seen["fps"] = results.browser.GetPlaybackRateFps()
     seen["displays"] = [
@@ -142,7 +146,7 @@ def masks(folder):
     seen["backgrounds"] = [
         scene.GetSingletonNode(tag, "vtkMRMLSliceCompositeNode").GetBackgroundVolumeID()
         == v.GetID()
-        for tag, v in zip(("Red", "Yellow"), shown, strict=True)
+        for tag, v in zip(("Red", "Yellow"), results.shown, strict=True)
     ]
     # The model in the scene, and what Slicer's own reader makes of our file of the same frame.
     run.export(results, settings, folder / "out")

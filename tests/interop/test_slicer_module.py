@@ -79,8 +79,10 @@ def test_projections_lie_on_the_device_in_each_picture(masks):
 
 
 def test_one_browser_scrubs_pictures_and_curves(masks):
+    """Those of view a as they are; of view b, whose clock is off, a copy by the same times."""
     seen, _ = masks
     assert [frame["pictures"] for frame in seen["frames"]] == seen["wanted_pictures"]
+    assert seen["own"] == [True, False]
     assert (seen["times"], seen["unit"]) == (["0.000", "0.067", "0.133"], ["time", "s"])
     assert seen["fps"] == pytest.approx(15, rel=0.01)
 
