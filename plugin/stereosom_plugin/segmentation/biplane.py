@@ -12,6 +12,7 @@ from stereosom.camera import Camera, StereoRig
 from stereosom_plugin.acquisition import Acquisition, FramePair
 
 from .both_views import agreeing
+from .end_on import EndFinder
 from .faces import add_faces
 from .picture import Mask
 from .tube import Tube
@@ -43,6 +44,7 @@ class BiplaneSegmenter:
     def __init__(self, acquisition: Acquisition) -> None:
         self.fields: tuple[Any, Any] = acquisition.field_of_view or (None, None)
         self.tubes: tuple[Tube | None, Tube | None] = (None, None)
+        self._ends = EndFinder()
 
     def __call__(self, pair: FramePair, expected: Backbone | None = None) -> tuple[Mask, Mask]:
         """Masks of both views.
@@ -61,7 +63,7 @@ class BiplaneSegmenter:
         tube_a, tube_b = self.tubes
         masks = (fill(views[0], tube_a), fill(views[1], tube_b))
         if tube_a is not None and tube_b is not None:
-            add_faces(pair.rig, views, (tube_a, tube_b), masks)
+            add_faces(pair.rig, views, (tube_a, tube_b), masks, self._ends)
         return within(views[0], masks[0]), within(views[1], masks[1])
 
     def _followed(

@@ -6,7 +6,7 @@ from stereosom.arrays import Floats
 from stereosom.camera import StereoRig
 
 from .both_views import end_caps
-from .end_on import EndView, find_end
+from .end_on import EndFinder, EndView
 from .free_ends import roundness
 from .picture import Mask
 from .tube import Tube, draw_line, end_face
@@ -23,6 +23,7 @@ def add_faces(
     views: tuple[View, View],
     tubes: tuple[Tube, Tube],
     masks: tuple[Mask, Mask],
+    finder: EndFinder,
 ) -> None:
     """Add to both masks, in place, the round that flat end faces add to the silhouette.
 
@@ -37,6 +38,8 @@ def add_faces(
         The middle lines that were fitted.
     masks : pair of (rows, columns) array of bool
         As drawn from them and the pictures.
+    finder : EndFinder
+        Of this run.
     """
     reaches = end_caps(rig, *tubes)
     cameras = (rig.a, rig.b)
@@ -49,12 +52,11 @@ def add_faces(
             other = _same_end(rig, tubes, along, end)
             if other is None or (along, end) in done:
                 continue
-            found = find_end(
+            found = finder.find(
                 rig,
-                EndView(cameras[along], _to(tubes[along], end), float(tubes[along].radius[end])),
-                EndView(
-                    cameras[beside], _to(tubes[beside], other), float(tubes[beside].radius[other])
-                ),
+                EndView(cameras[along], tubes[along], end),
+                EndView(cameras[beside], tubes[beside], other),
+                views[along].picture,
                 masks[along],
             )
             if found is None:
@@ -81,11 +83,6 @@ def draw_outline(mask: Mask, outline: Floats) -> None:
     from skimage.draw import polygon
 
     mask[polygon(outline[:, 1], outline[:, 0], mask.shape)] = True
-
-
-def _to(tube: Tube, end: int) -> Floats:
-    """Middle line up to an end (0 or -1)."""
-    return tube.line if end == -1 else tube.line[::-1]
 
 
 def _same_end(rig: StereoRig, tubes: tuple[Tube, Tube], along: int, end: int) -> int | None:
