@@ -13,7 +13,7 @@ from stereosom_plugin.acquisition import Acquisition, FramePair
 
 from .both_views import agreeing
 from .end_on import EndFinder
-from .faces import add_faces
+from .faces import filled
 from .picture import Mask
 from .tube import Tube
 from .xray import Candidate, View, candidates, fill, fit, prepare, within
@@ -61,9 +61,10 @@ class BiplaneSegmenter:
         )
         self.tubes = self._followed(views, pair.rig, expected) or _searched(*views, pair.rig)
         tube_a, tube_b = self.tubes
-        masks = (fill(views[0], tube_a), fill(views[1], tube_b))
         if tube_a is not None and tube_b is not None:
-            add_faces(pair.rig, views, (tube_a, tube_b), masks, self._ends)
+            masks = filled(pair.rig, views, (tube_a, tube_b), self._ends)
+        else:
+            masks = (fill(views[0], tube_a), fill(views[1], tube_b))
         return within(views[0], masks[0]), within(views[1], masks[1])
 
     def _followed(

@@ -68,11 +68,13 @@ class EndView:
 class EndOn:
     """An end in space.
 
-    `tail` (n, 3), mm, is the axis of the stretch before it; `misfit` the mean square deviation
-    of the light from what such an end gives, in units of its noise.
+    `tail` (n, 3), mm, is the axis of the stretch before it, which begins `steps` along the line
+    of the view that looks along; `misfit` the mean square deviation of the light from what such
+    an end gives, in units of its noise.
     """
 
     tail: Floats
+    steps: int
     misfit: float
 
     @property
@@ -86,16 +88,19 @@ class EndOn:
         heading = self.tail[-1] - self.tail[-3]
         return np.asarray(heading / np.linalg.norm(heading))
 
-    def face(self, camera: Camera, radius: float) -> Floats:
-        """Outline (n, 2), px, of the flat face at the end, of a radius in px."""
-        scale = radius * float(camera.pixel_size(self.place[None])[0])
+    def rims(self, camera: Camera, radius: float) -> Floats:
+        """Outlines (n, 40, 2), px, of the sections of the tail, the last one its face."""
+        heading = np.gradient(self.tail, axis=0)
+        heading /= np.linalg.norm(heading, axis=1, keepdims=True)
         helper = np.eye(3)[np.argmin(np.abs(self.heading))]
-        first = np.cross(self.heading, helper)
-        first /= np.linalg.norm(first)
+        first = np.cross(heading, helper)
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        second = np.cross(heading, first)
         around = np.linspace(0, 2 * np.pi, 40, endpoint=False)[:, None]
-        second = np.cross(self.heading, first)
-        rim = np.cos(around) * first + np.sin(around) * second
-        return np.asarray(camera.project(self.place + scale * rim))
+        rim = np.cos(around) * first[:, None] + np.sin(around) * second[:, None]
+        scale = radius * float(camera.pixel_size(self.place[None])[0])
+        points = self.tail[:, None] + scale * rim
+        return np.asarray(camera.project(points.reshape(-1, 3)).reshape(len(points), -1, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +158,8 @@ class EndFinder:
         model = _Tail(along, beside, begun, window)
         which = (0 if along.camera is rig.a else 1, along.end)
         best = self._fitted(model, which)
-        return EndOn(model.points(best.bend), best.cost / np.count_nonzero(window.compared))
+        misfit = best.cost / np.count_nonzero(window.compared)
+        return EndOn(model.points(best.bend), begun.last, misfit)
 
     def _fitted(self, model: _Tail, which: tuple[int, int]) -> _Fit:
         """Fit by the account that is believed; by all of them at first, and now and then."""
@@ -188,11 +194,12 @@ class EndFinder:
 class _Begin:
     """Where the tail begins, and the body before it.
 
-    `step` of the line beside, `depth` there and `slope` of it, mm; `body` are the points of the
+    `step` of the line beside and `last` of the line along, `depth` there and `slope` of it, mm; `body` are the points of the
     line along, px, and `way` that to each of them in space, mm.
     """
 
     step: float
+    last: int
     depth: float
     slope: float
     body: Floats
@@ -231,7 +238,7 @@ def _matched(rig: StereoRig, along: EndView, beside: EndView, trusted: int) -> _
     steps = np.arange(in_along[0], in_along[-1] + 1)
     smooth = np.poly1d(np.polyfit(in_along - steps[0], way, 2))(steps - steps[0])
     longest = np.maximum.accumulate(smooth - smooth[0])
-    return _Begin(at, float(level), float(slope), along.line[steps], longest)
+    return _Begin(at, int(steps[-1]), float(level), float(slope), along.line[steps], longest)
 
 
 class _Tail:

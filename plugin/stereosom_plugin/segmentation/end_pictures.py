@@ -49,9 +49,7 @@ class Window:
         Pixels that are worth to be compared.
     """
 
-    def __init__(
-        self, picture: Gray, mask: Mask, tube: Tube, end: int, reach: float
-    ) -> None:
+    def __init__(self, picture: Gray, mask: Mask, tube: Tube, end: int, reach: float) -> None:
         radius = float(tube.radius[end])
         self.factor = factor = max(1, round(radius / WIDE))
         self.radius = radius / factor
@@ -141,9 +139,7 @@ class Additive:
         thick = np.sqrt(1 - np.minimum(sine, 1) ** 2)[:, None] * self.along
         points = center[:, None] + self.across[:, None] * across[:, None]
         points += thick[..., None] * along[:, None]
-        return self._heaped(
-            points.reshape(-1, 2), np.pi * self.radius**2 * step / len(self.across)
-        )
+        return self._heaped(points.reshape(-1, 2), np.pi * self.radius**2 * step / len(self.across))
 
     def _heaped(self, points: Floats, each: float) -> Floats:
         """Points (n, 2) that stand for a volume each, px³, as a height at each pixel, px."""
