@@ -24,18 +24,24 @@ from .tube import Tube
 # over so many before that the depth is begun.
 BACK, BEGUN = 4.0, 8.0
 # Reach of the fold, radii.
-FOLD = 7.0
+FOLD = 5.5
 # Points along the tail, ends that are tried at first, and how many of those are followed up.
-STEPS, STARTS, FOLLOWED = 24, 13, 3
+STEPS, STARTS, FOLLOWED = 20, 11, 2
 # How the depth is kept smooth, and how well the absorption is known: per deviation.
 STIFF, SURE = np.array([0.16, 0.04, 0.16]), 20.0
 # Deviations of the noise beyond which a pixel counts no more.
-MOST_OFF = 8.0
+MOST_OFF = 6.0
 # A fit that was begun at the last frame's is believed up to this many times its misfit; all
 # starts are tried again after so many frames.
-WORSE, ANEW = 1.3, 8
-# Frames over which the accounts of the light are compared.
-MEMORY = 12.0
+WORSE, ANEW = 1.25, 8
+# An account of the light whose costs, over so many searches, are that much higher than another's,
+# is tried no more.
+MEMORY, REFUTED = 3, 1.25
+# A fit has settled where a step wins less than this share of the cost, and takes no more tries.
+SETTLED, TRIES = 0.01, 24
+
+# Steps of a bend by which slopes are told at first.
+_UNITS = np.diag([0.4, 0.4, 0.4, 0.03])
 
 Make = Callable[[Window, Axis, float], EndPicture]
 ACCOUNTS: dict[str, Make] = {
@@ -121,11 +127,12 @@ class EndFinder:
     Attributes
     ----------
     costs : dict of str to float
-        Of each account, over the last frames: the least is believed.
+        Of each account, over the frames that were searched: the least is believed.
     """
 
     def __init__(self) -> None:
         self.costs = dict.fromkeys(ACCOUNTS, 0.0)
+        self._searches = 0
         self._last: dict[tuple[int, int], tuple[_Fit, int]] = {}
 
     def find(
@@ -177,17 +184,25 @@ class EndFinder:
                 return fit
         starts = [np.array([0.0, end, 0.0, 0.0]) for end in model.ends()]
         fits = {}
-        for name in ACCOUNTS:
+        for name in self._left():
             see = picture(name)
             first = sorted((model.cost(start, see), tuple(start)) for start in starts)
             tried = [np.array(start) for _, start in first[:FOLLOWED]]
             if last is not None:
                 tried.append(model.moved(last))
             fits[name] = min((model.settled(one, see) for one in tried), key=lambda fit: fit.cost)
-            self.costs[name] = (1 - 1 / MEMORY) * self.costs[name] + fits[name].cost
-        best = fits[min(self.costs, key=self.costs.__getitem__)]
+            self.costs[name] += fits[name].cost
+        self._searches += 1
+        best = fits[min(fits, key=self.costs.__getitem__)]
         self._last[which] = best, 0
         return best
+
+    def _left(self) -> list[str]:
+        """Accounts that are not refuted."""
+        if self._searches < MEMORY:
+            return list(self.costs)
+        least = min(self.costs.values())
+        return [name for name, cost in self.costs.items() if cost <= REFUTED * least]
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,42 +313,25 @@ class _Tail:
 
     def settled(self, bend: Floats, picture: EndPicture) -> _Fit:
         """Least cost near a bend, by Levenberg and Marquardt's steps with Broyden's slopes."""
-        width = np.array([0.4, 0.4, 0.4, 0.03])
         misfit = self.misfit(bend, picture)
         cost, damping = float(misfit @ misfit), 1e-2
-        slopes: Floats | None = None
-        fresh = False
-        for _ in range(30):
-            if slopes is None:
-                slopes = np.stack(
-                    [
-                        (self.misfit(bend + unit, picture) - misfit) / unit.sum()
-                        for unit in np.diag(width)
-                    ],
-                    axis=1,
-                )
-                fresh = True
+        columns = [(self.misfit(bend + unit, picture) - misfit) / unit.sum() for unit in _UNITS]
+        slopes = np.stack(columns, axis=1)
+        little = 0
+        for _ in range(TRIES):
             normal = slopes.T @ slopes
             step = np.linalg.solve(
                 normal + damping * np.diag(np.diag(normal) + 1e-6), -slopes.T @ misfit
             )
             there = self.misfit(bend + step, picture)
-            reached = float(there @ there)
-            won = cost - reached
+            # The slopes as this step has shown them (Broyden), whether it was a good one or not.
+            slopes += np.outer(there - misfit - slopes @ step, step) / (step @ step)
+            won = cost - float(there @ there)
             if won > 0:
-                # The slopes as this step has shown them, for the next one (Broyden).
-                slopes = slopes + np.outer(there - misfit - slopes @ step, step) / (step @ step)
-                bend, misfit, cost, damping = bend + step, there, reached, damping / 4
-                if won < 3e-3 * cost:
-                    if fresh:
-                        break
-                    slopes = None  # too little won, perhaps by worn slopes
-                    continue
-                fresh = False
-            elif fresh:
-                damping *= 8
-                if damping > 1e3:
-                    break
+                bend, misfit, cost, damping = bend + step, there, cost - won, damping / 4
             else:
-                slopes = None
+                damping *= 4
+            little = little + 1 if won < SETTLED * cost else 0
+            if little == 3:
+                break
         return _Fit(bend, float(bend[:3].sum()) - self._there, cost)

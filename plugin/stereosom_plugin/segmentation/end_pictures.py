@@ -28,6 +28,8 @@ BESIDE, SPARSE = 3, 4
 SPACING, ALONG = 0.75, 0.7
 # Greatest radius that is compared pixel by pixel, px, and the least noise of the root.
 WIDE, LEAST_NOISE = 4.0, 0.01
+# Root of the light, as a share, above which nothing lies behind that a closing does not follow.
+PALE = 0.9
 # Blur of the points themselves, px.
 _POINT_BLUR = 0.3
 
@@ -75,8 +77,11 @@ class Window:
         spread = 1.4826 * np.median(np.abs(self.root[empty] - 1)) if empty.any() else 0.0
         self.noise = max(float(spread), LEAST_NOISE)
         edge = 0.5 * (1 + np.exp(-0.5 * tube.absorption))
-        self.compared: Booleans = ndimage.binary_dilation(self.root < edge, iterations=BESIDE)
-        self.compared[::SPARSE, ::SPARSE] = True
+        # What is dark and hangs together with the device; the rest is anatomy, or other wires.
+        pieces, _ = ndimage.label(self.root < edge, np.ones((3, 3)))
+        device = np.isin(pieces, pieces[drawn & (pieces > 0)])
+        self.compared: Booleans = ndimage.binary_dilation(device | drawn, iterations=BESIDE)
+        self.compared[::SPARSE, ::SPARSE] |= self.root[::SPARSE, ::SPARSE] > PALE
 
     def inside(self, pixels: Floats) -> Floats:
         """Pixels (n, 2) of the picture as those of the window."""
