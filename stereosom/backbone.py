@@ -269,6 +269,10 @@ class Backbone:
         slack = 1e-9 * self.length
         if np.any((s < -slack) | (s > self.length + slack)) or not np.isfinite(s).all():
             raise ValueError(f"arc length: must lie between 0 and {self.length:g} mm")
+        # Place, tangent, curvature are mostly asked for at the same arc lengths, one by one.
+        asked, known = self.__dict__.get("_asked", (None, None))
+        if known is not None and np.array_equal(asked, s):
+            return np.asarray(known)
         nodes, arc_length = self._table
         wanted = np.clip(np.atleast_1d(s), 0.0, self.length)
         span = np.clip(np.searchsorted(arc_length, wanted, side="right") - 1, 0, len(nodes) - 2)
@@ -282,7 +286,9 @@ class Backbone:
                 break
             parameter = parameter + missing / np.maximum(speed, 1e-9 * self.length)
             parameter = np.clip(parameter, nodes[span], nodes[span + 1])
-        return parameter.reshape(s.shape)
+        parameter = parameter.reshape(s.shape)
+        self.__dict__["_asked"] = s.copy(), parameter
+        return parameter
 
     def _derivative(self, s: Any, order: int) -> Floats:
         parameter = self._parameter(s)

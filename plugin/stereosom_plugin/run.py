@@ -14,9 +14,10 @@ from stereosom.reconstruct import track
 from stereosom.reconstruction import Reconstruction
 
 from .acquisition import Acquisition
+from .ahead import ahead
 from .centerline import read_vtp
 from .output import OutputFolder, centerline_path
-from .segmentation import Segment, Show, observe
+from .segmentation import Segment, Show, observe, segment_xray
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,9 @@ def reconstruct_run(
     """
     left = [frame for frame in frames if frame not in folder.frames_done]
     options = _resumed(folder, options)
-    seen = observe(acquisition, segment, frames=progress(left), show=show)
+    seen: Iterable[Observation] = observe(acquisition, segment, frames=progress(left), show=show)
+    if segment is segment_xray:  # a user's own may hold what cannot be copied
+        seen = ahead(seen)
     observations = _watched(seen, watch)
     for result in track(observations, method=method, options=options):
         folder.commit(
