@@ -220,18 +220,12 @@ class Backbone:
         seed = np.eye(3)[np.argmin(np.abs(tangents[0]))]
         normal = np.cross(tangents[0], seed)
         normals[0] = normal / np.linalg.norm(normal)
-        for i in range(len(fine) - 1):
-            chord = points[i + 1] - points[i]
-            if chord @ chord == 0:  # arc lengths that differ by rounding alone
-                normals[i + 1] = normals[i]
-                continue
-            reflected = normals[i] - 2 * (chord @ normals[i]) / (chord @ chord) * chord
-            tangent = tangents[i] - 2 * (chord @ tangents[i]) / (chord @ chord) * chord
-            turn = tangents[i + 1] - tangent
-            scale = turn @ turn
-            if scale > 1e-24:
-                reflected = reflected - 2 * (turn @ reflected) / scale * turn
-            normals[i + 1] = reflected
+        chords = np.diff(points, axis=0)
+        first = _reflections(chords)  # none, where arc lengths differ by rounding alone
+        turned = np.einsum("nij,nj->ni", first, tangents[:-1])
+        moves = _reflections(tangents[1:] - turned) @ first
+        for i, move in enumerate(moves):
+            normals[i + 1] = move @ normals[i]
         at = np.searchsorted(fine, s)
         return np.stack([tangents[at], normals[at], np.cross(tangents[at], normals[at])], axis=1)
 
@@ -295,6 +289,13 @@ class Backbone:
         if order > self.degree:
             return np.zeros((*parameter.shape, 3))
         return np.asarray(self._spline(parameter, nu=order))
+
+
+def _reflections(across: Floats) -> Floats:
+    """Reflections (n, 3, 3) in the planes across vectors (n, 3); the identity for a zero one."""
+    square = np.sum(across**2, axis=1)[:, None, None]
+    outer = across[:, :, None] * across[:, None, :]
+    return np.asarray(np.eye(3) - np.where(square > 1e-24, 2 * outer / (square + 1e-300), 0.0))
 
 
 def _by_chord_length(points: Floats) -> tuple[Floats, Floats]:

@@ -8,6 +8,7 @@ contract with VMTK (`Abscissas`, `MaximumInscribedSphereRadius`, ...), SlicerVMT
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -140,6 +141,7 @@ def write_markups(result: Reconstruction, path: str | Path, *, samples: int = 50
     markups.write_markups(to_centerline(result, samples=samples), path, most_points=samples)
 
 
+@cache
 def generator() -> str:
     """Name and version of this program, as files carry it."""
     try:

@@ -209,8 +209,8 @@ class EndFinder:
 class _Begin:
     """Where the tail begins, and the body before it.
 
-    `step` of the line beside and `last` of the line along, `depth` there and `slope` of it, mm; `body` are the points of the
-    line along, px, and `way` that to each of them in space, mm.
+    `step` of the line beside and `last` of the line along, `depth` there and `slope` of it, mm;
+    `body` are the points of the line along, px, and `way` that to each of them in space, mm.
     """
 
     step: float

@@ -191,6 +191,7 @@ def extended(line: Floats, by: int, smooth: float = 0.0) -> Floats:
 
 
 def normals(line: Floats) -> Floats:
+    """Directions of length one (n, 2) across a line, to the right of its way in the picture."""
     tangent = np.gradient(line, axis=0)
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-9)
     return np.column_stack([-tangent[:, 1], tangent[:, 0]])
