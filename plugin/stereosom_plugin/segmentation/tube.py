@@ -100,7 +100,8 @@ def fit_tube(
             for side, way in enumerate((darkness[::-1], darkness))
         )
         size = before + behind - len(longer)
-        settled = attempt >= 2 and abs(size - last_size) < 0.1
+        # A line that was followed has its direction already.
+        settled = attempt >= (2 if blur is None else 1) and abs(size - last_size) < 0.1
         last_size = size
         first, last = len(longer) - 1 - before, behind
         if last - first < 8:
@@ -331,13 +332,10 @@ def _profile(
 def _with_slopes(place: Floats, parameters: Floats) -> tuple[Floats, Floats]:
     """Profile (n,) of radius, absorption, blur, center, and how it changes with them, (n, 4)."""
 
-    def model(radius: float, absorption: float, blur: float, center: float) -> Floats:
-        return _blurred_chords(place - center, radius, absorption, blur)
-
-    here = model(*parameters)
     step = 1e-3
-    slopes = [(model(*(parameters + step * unit)) - here) / step for unit in np.eye(4)]
-    return here, np.stack(slopes, axis=1)
+    radius, absorption, blur, center = (parameters + step * np.vstack([np.zeros(4), np.eye(4)])).T
+    here, *moved = _blurred_chords(place - center[:, None], radius, absorption, blur)
+    return here, np.stack([(one - here) / step for one in moved], axis=1)
 
 
 def _robust_slope(x: Floats, y: Floats) -> float:
@@ -346,16 +344,21 @@ def _robust_slope(x: Floats, y: Floats) -> float:
     return float(np.median((y[j] - y[i]) / (x[j] - x[i])))
 
 
-def _blurred_chords(place: Floats, radius: float, absorption: float, blur: float) -> Floats:
-    """Share of light that a round tube takes at places across it, after a Gaussian blur.
+def _blurred_chords(
+    place: Floats, radius: Floats | float, absorption: Floats | float, blur: Floats | float
+) -> Floats:
+    """Share of light that a round tube takes at places (..., n) across it, after a Gaussian blur.
 
-    The profile is a sum of nested boxes, whose blur is a difference of normal distributions.
+    Radius, absorption and blur are one number or (...). The profile is a sum of nested boxes,
+    whose blur is a difference of normal distributions.
     """
+    radius, absorption, blur = (np.asarray(one)[..., None] for one in (radius, absorption, blur))
     taken = 1 - np.exp(-absorption * np.sqrt(1 - _OFFSETS**2))
-    weight = taken - np.append(taken[1:], 0.0)
-    edge = radius * (_OFFSETS + 0.5 / len(_OFFSETS))
-    inside = ndtr((place[:, None] + edge) / blur) - ndtr((place[:, None] - edge) / blur)
-    return np.asarray(inside @ weight)
+    weight = taken - np.concatenate([taken[..., 1:], np.zeros_like(taken[..., :1])], axis=-1)
+    edge = (radius * (_OFFSETS + 0.5 / len(_OFFSETS)))[..., None, :]
+    at, wide = place[..., None], blur[..., None]
+    inside = ndtr((at + edge) / wide) - ndtr((at - edge) / wide)
+    return np.asarray((inside @ weight[..., None])[..., 0])
 
 
 def edge_share(tube: Tube, further_blur: float = 0.0) -> float:
