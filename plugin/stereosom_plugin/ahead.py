@@ -9,6 +9,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -81,6 +82,10 @@ def _make(items: Iterable[Any], receiver: Connection, sender: Connection) -> Non
         except BrokenPipeError:
             raise
         except Exception as error:
+            try:
+                ForkingPickler.loads(ForkingPickler.dumps(error))
+            except Exception:  # an error of another library that cannot pass
+                error = RuntimeError(f"{type(error).__name__}: {error}")
             sender.send((_ERROR, error))
     except BrokenPipeError:  # nobody waits for it any more
         pass

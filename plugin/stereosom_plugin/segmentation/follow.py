@@ -84,14 +84,14 @@ def _darker(view: View, line: Floats, radius: float, unit: float) -> tuple[Float
     """
     beside = radius + 2 * unit
     count = int(np.ceil((BAND * unit + beside) / (ACROSS * unit)))
-    across = ACROSS * unit * np.arange(-count, count + 1)
+    across = ACROSS * unit * np.arange(-count, count + 1, dtype=float)
     light = log_at(view.picture, line[:, None] + across[:, None] * normals(line)[:, None])
     light = ndimage.gaussian_filter1d(light, 1.2, axis=0)
     core = max(1, round(1.2 * radius / (ACROSS * unit)))
     light = ndimage.uniform_filter1d(light, core + (core + 1) % 2, axis=1)
     away = int(np.ceil(beside / (ACROSS * unit)))
     sides = np.minimum(light[:, : -2 * away], light[:, 2 * away :])
-    return np.asarray(sides - light[:, away:-away]), across[away:-away]
+    return np.asarray(sides - light[:, away:-away], dtype=float), across[away:-away]
 
 
 def _best_way(score: Floats) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

@@ -331,7 +331,6 @@ def _profile(
 
 def _with_slopes(place: Floats, parameters: Floats) -> tuple[Floats, Floats]:
     """Profile (n,) of radius, absorption, blur, center, and how it changes with them, (n, 4)."""
-
     step = 1e-3
     radius, absorption, blur, center = (parameters + step * np.vstack([np.zeros(4), np.eye(4)])).T
     here, *moved = _blurred_chords(place - center[:, None], radius, absorption, blur)
