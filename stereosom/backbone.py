@@ -220,18 +220,12 @@ class Backbone:
         seed = np.eye(3)[np.argmin(np.abs(tangents[0]))]
         normal = np.cross(tangents[0], seed)
         normals[0] = normal / np.linalg.norm(normal)
-        for i in range(len(fine) - 1):
-            chord = points[i + 1] - points[i]
-            if chord @ chord == 0:  # arc lengths that differ by rounding alone
-                normals[i + 1] = normals[i]
-                continue
-            reflected = normals[i] - 2 * (chord @ normals[i]) / (chord @ chord) * chord
-            tangent = tangents[i] - 2 * (chord @ tangents[i]) / (chord @ chord) * chord
-            turn = tangents[i + 1] - tangent
-            scale = turn @ turn
-            if scale > 1e-24:
-                reflected = reflected - 2 * (turn @ reflected) / scale * turn
-            normals[i + 1] = reflected
+        chords = np.diff(points, axis=0)
+        first = _reflections(chords)  # none, where arc lengths differ by rounding alone
+        turned = np.einsum("nij,nj->ni", first, tangents[:-1])
+        moves = _reflections(tangents[1:] - turned) @ first
+        for i, move in enumerate(moves):
+            normals[i + 1] = move @ normals[i]
         at = np.searchsorted(fine, s)
         return np.stack([tangents[at], normals[at], np.cross(tangents[at], normals[at])], axis=1)
 
@@ -270,6 +264,10 @@ class Backbone:
         slack = 1e-9 * self.length
         if np.any((s < -slack) | (s > self.length + slack)) or not np.isfinite(s).all():
             raise ValueError(f"arc length: must lie between 0 and {self.length:g} mm")
+        # Place, tangent, curvature are mostly asked for at the same arc lengths, one by one.
+        asked, known = self.__dict__.get("_asked", (None, None))
+        if known is not None and np.array_equal(asked, s):
+            return np.asarray(known)
         nodes, arc_length = self._table
         wanted = np.clip(np.atleast_1d(s), 0.0, self.length)
         span = np.clip(np.searchsorted(arc_length, wanted, side="right") - 1, 0, len(nodes) - 2)
@@ -283,13 +281,22 @@ class Backbone:
                 break
             parameter = parameter + missing / np.maximum(speed, 1e-9 * self.length)
             parameter = np.clip(parameter, nodes[span], nodes[span + 1])
-        return parameter.reshape(s.shape)
+        parameter = parameter.reshape(s.shape)
+        self.__dict__["_asked"] = s.copy(), parameter
+        return parameter
 
     def _derivative(self, s: Any, order: int) -> Floats:
         parameter = self._parameter(s)
         if order > self.degree:
             return np.zeros((*parameter.shape, 3))
         return np.asarray(self._spline(parameter, nu=order))
+
+
+def _reflections(across: Floats) -> Floats:
+    """Reflections (n, 3, 3) in the planes across vectors (n, 3); the identity for a zero one."""
+    square = np.sum(across**2, axis=1)[:, None, None]
+    outer = across[:, :, None] * across[:, None, :]
+    return np.asarray(np.eye(3) - np.where(square > 1e-24, 2 * outer / (square + 1e-300), 0.0))
 
 
 def _by_chord_length(points: Floats) -> tuple[Floats, Floats]:

@@ -19,6 +19,10 @@ class InputError(ValueError):
         self.what, self.why, self.mend = str(what), why, mend
         super().__init__(f"{self.what}: {self.why}; {self.mend}")
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
+        # So that it passes from one process to another (`ahead`).
+        return type(self), (self.what, self.why, self.mend)
+
 
 def require(module: str, extra: str) -> ModuleType:
     """Import a module, or raise the ImportError that names the extra which brings it."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,13 @@ from stereosom.reconstruct import track
 from stereosom.reconstruction import Reconstruction
 
 from .acquisition import Acquisition
+from .ahead import ahead
 from .centerline import read_vtp
 from .output import OutputFolder, centerline_path
-from .segmentation import Segment, Show, observe
+from .segmentation import Segment, Show, observe, segment_xray
+
+# Frames that are made again where an interrupted run goes on.
+REPEATED = 3
 
 
 @dataclass(frozen=True)
@@ -66,11 +71,18 @@ def reconstruct_run(
     Reconstruction
         Each as soon as its files are written.
     """
-    left = [frame for frame in frames if frame not in folder.frames_done]
-    options = _resumed(folder, options)
-    seen = observe(acquisition, segment, frames=progress(left), show=show)
+    done = folder.frames_done
+    left = [frame for frame in frames if frame not in done]
+    again = _again(frames, done, left)
+    options = _resumed(folder, options, again)
+    wanted = chain(again, progress(left))
+    seen: Iterable[Observation] = observe(acquisition, segment, frames=wanted, show=show)
+    if segment is segment_xray:  # a user's own may hold what cannot be copied
+        seen = ahead(seen)
     observations = _watched(seen, watch)
     for result in track(observations, method=method, options=options):
+        if result.index in done:
+            continue
         folder.commit(
             result,
             samples=sampling.samples,
@@ -99,10 +111,24 @@ def describe_inputs(paths: Iterable[Path]) -> list[dict[str, Any]]:
     return described
 
 
-def _resumed(folder: OutputFolder, options: Options) -> Options:
-    """Start from the last curve of an interrupted run, as it would have gone on."""
-    curves = [row for row in folder.rows if row["status"] in ("ok", "predicted")]
+def _again(frames: Sequence[int], done: set[int], left: Sequence[int]) -> list[int]:
+    """Frames of an interrupted run that are made once more, unwritten, before it goes on.
+
+    They tell anew what is not in the files: how the device moved, and how it was segmented.
+    """
+    if not left:
+        return []
+    before = [frame for frame in frames if frame < left[0] and frame in done]
+    return before[-REPEATED:]
+
+
+def _resumed(folder: OutputFolder, options: Options, again: Sequence[int]) -> Options:
+    """Start from the last curve of an interrupted run before the frames that are made again."""
+    curves = [
+        int(row["frame"])
+        for row in folder.rows
+        if row["status"] in ("ok", "predicted") and not (again and int(row["frame"]) >= again[0])
+    ]
     if not curves:
         return options
-    last = centerline_path(folder.path, int(curves[-1]["frame"]))
-    return replace(options, start=read_vtp(last).backbone)
+    return replace(options, start=read_vtp(centerline_path(folder.path, max(curves))).backbone)

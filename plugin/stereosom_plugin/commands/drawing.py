@@ -84,6 +84,7 @@ class Results:
             raise InputError(path, what, "give a run with one frame that is ok")
         self._rigs = read_rig(folder / RIG) if (folder / RIG).exists() else ()
         self.command, self.acquisition = source_acquisition(folder, self._rigs)
+        self._folder = folder
 
     def line(self, frame: int) -> Centerline | None:
         """Return the curve of a frame; None where it has none."""
@@ -122,6 +123,26 @@ class Results:
         row: Row = self._rows.get(frame, {"status": "ok", "reason": ""})
         return "" if row["status"] == "ok" else f"{row['status']}: {row['reason']}"
 
+    def segmenter(self) -> Any:
+        """What found the device in the run's pictures; they must be there.
+
+        Raises
+        ------
+        InputError
+            Where it was a user's own, and is not to be had any more.
+        """
+        from ..segmentation import binary
+        from ..segmentation.own import load_segmenter
+        from .endoscopy import chosen_segmenter
+
+        if self.command == "masks":
+            return binary
+        options = json.loads((self._folder / RECORD).read_text(encoding="utf-8"))["options"]
+        if self.command == "endoscopy":
+            assert self.acquisition is not None
+            return chosen_segmenter(options, self.acquisition)
+        return load_segmenter(options.get("segmenter") or "xray")
+
     def rate(self) -> float | None:
         """Frames per second of the run; None where its times do not say."""
         steps = np.diff([self.time(frame) for frame in self.frames])
@@ -156,7 +177,10 @@ def _open_fluoroscopy(
 ) -> Acquisition:
     from ..fluoroscopy import read_biplane
 
-    return read_biplane(paths)
+    acquisition = read_biplane(paths, dsa=bool(options.get("dsa")))
+    # The geometry may have been refined.
+    known = len(rigs) in (1, len(acquisition))
+    return replace(acquisition, rigs=rigs) if known else acquisition
 
 
 def _open_masks(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from ..acquisition import Acquisition
 from ..errors import InputError
 from .reconstructing import reconstruct_and_report
 from .words import add_run_words
@@ -51,7 +52,6 @@ def add_words(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Reconstruct a stereo endoscope's recording."""
     from ..endoscopy import read_stereo
-    from ..segmentation.endoscope import segmenter
 
     if len(arguments.inputs) > 2:
         raise InputError(
@@ -67,14 +67,21 @@ def run(arguments: argparse.Namespace) -> int:
         rectified=arguments.rectified,
         rate_hz=arguments.rate,
     )
-    ways: dict[str, Any] = {}
-    if arguments.background:
-        ways["background"] = tuple(_picture(path) for path in arguments.background)
-    if arguments.color_box:
-        first = (arguments.frames or (0, None))[0] or 0
-        ways |= {"color_box": arguments.color_box, "example": acquisition[first].image_a}
-    both = segmenter(width_px=arguments.width, **ways)
+    both = chosen_segmenter(vars(arguments), acquisition)
     return reconstruct_and_report(acquisition, both, arguments)
+
+
+def chosen_segmenter(options: dict[str, Any], acquisition: Acquisition) -> Any:
+    """What finds the device in each eye's pictures, as the options of a call have it."""
+    from ..segmentation.endoscope import segmenter
+
+    ways: dict[str, Any] = {}
+    if options["background"]:
+        ways["background"] = tuple(_picture(path) for path in options["background"])
+    if options["color_box"]:
+        first = (options["frames"] or (0, None))[0] or 0
+        ways |= {"color_box": options["color_box"], "example": acquisition[first].image_a}
+    return segmenter(width_px=options["width"], **ways)
 
 
 def _picture(path: str) -> Any:

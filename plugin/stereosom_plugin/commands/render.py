@@ -191,8 +191,9 @@ def _segmented(results: Results, frames: list[int]) -> Iterator[tuple[Any, Any]]
 
     if results.acquisition is None:
         return
-    segment = segmentation.binary if results.command == "masks" else segmentation.segment_xray
-    for observation in segmentation.observe(results.acquisition, segment, frames=frames):
+    for observation in segmentation.observe(
+        results.acquisition, results.segmenter(), frames=frames
+    ):
         yield observation.pixels_a, observation.pixels_b
 
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import atexit
 import importlib.util
+import os
 import shutil
 import subprocess
 import sys
 import tempfile
 import threading
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +104,8 @@ def decode_with_simpleitk(file: bytes) -> npt.NDArray[Any]:
     with _lock:
         if _child is None:
             _child = _Child()
+            # In a copy of the process (`ahead`), nothing that is registered with atexit runs.
+            Finalize(None, _close, exitpriority=1)
         try:
             return _child.decode(file)
         except _ChildDied as error:
@@ -117,10 +121,18 @@ def _close() -> None:
         _child = None
 
 
+def _forget() -> None:
+    """In a copy of the process: the decoder belongs to the other."""
+    global _child, _lock
+    _child, _lock = None, threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)
+
+
 def _serve() -> None:
     """Child: a path a line comes in, the picture goes beside it, a line goes out."""
-    import os
-
     # What libraries print must not mix with the answers.
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)

@@ -12,7 +12,9 @@ from stereosom.camera import Camera, StereoRig
 from stereosom_plugin.acquisition import Acquisition, FramePair
 
 from .both_views import agreeing
-from .faces import add_faces
+from .end_on import EndFinder
+from .faces import filled
+from .follow import follow
 from .picture import Mask
 from .tube import Tube
 from .xray import Candidate, View, candidates, fill, fit, prepare, within
@@ -43,6 +45,7 @@ class BiplaneSegmenter:
     def __init__(self, acquisition: Acquisition) -> None:
         self.fields: tuple[Any, Any] = acquisition.field_of_view or (None, None)
         self.tubes: tuple[Tube | None, Tube | None] = (None, None)
+        self._ends = EndFinder()
 
     def __call__(self, pair: FramePair, expected: Backbone | None = None) -> tuple[Mask, Mask]:
         """Masks of both views.
@@ -59,9 +62,10 @@ class BiplaneSegmenter:
         )
         self.tubes = self._followed(views, pair.rig, expected) or _searched(*views, pair.rig)
         tube_a, tube_b = self.tubes
-        masks = (fill(views[0], tube_a), fill(views[1], tube_b))
         if tube_a is not None and tube_b is not None:
-            add_faces(pair.rig, views, (tube_a, tube_b), masks)
+            masks = filled(pair.rig, views, (tube_a, tube_b), self._ends)
+        else:
+            masks = (fill(views[0], tube_a), fill(views[1], tube_b))
         return within(views[0], masks[0]), within(views[1], masks[1])
 
     def _followed(
@@ -74,11 +78,8 @@ class BiplaneSegmenter:
         seen: list[Tube] = []
         for view, last, camera in zip(views, (last_a, last_b), (rig.a, rig.b), strict=True):
             near = last.line if expected is None else _projected(expected, camera)
-            lines = candidates(view, near, float(np.median(last.radius)))
-            if not lines:
-                return None
-            tube = fit(view, max(lines, key=_likeness_to(last)), last.blur)
-            if tube is None or not _goes_on(last, tube):
+            tube = _again(view, last, near)
+            if tube is None:
                 return None
             seen.append(tube)
         return seen[0], seen[1]
@@ -97,6 +98,19 @@ def _searched(view_a: View, view_b: View, rig: StereoRig) -> tuple[Tube | None, 
         seen_a = [one for one in seen_a if tube_a is not None or one is not pair[0]]
         seen_b = [one for one in seen_b if tube_b is not None or one is not pair[1]]
     return None, None
+
+
+def _again(view: View, last: Tube, near: Floats) -> Tube | None:
+    """The tube that was seen last: by the darkest way, or among the lines in the band."""
+    line = follow(view, last, near)
+    tube = fit(view, line, last.blur) if line is not None else None
+    if tube is not None and _goes_on(last, tube):
+        return tube
+    lines = candidates(view, near, float(np.median(last.radius)))
+    if not lines:
+        return None
+    tube = fit(view, max(lines, key=_likeness_to(last)), last.blur)
+    return tube if tube is not None and _goes_on(last, tube) else None
 
 
 def _likeness_to(last: Tube) -> Any:

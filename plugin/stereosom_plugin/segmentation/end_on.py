@@ -2,53 +2,85 @@
 
 There the device folds over itself, and no middle line follows it to its end. The other view
 sees the same stretch from the side: its middle line leaves only the depth along each ray open.
-That depth is fitted to the mask of the view that is looked along.
+That depth is fitted to the light in the view that is looked along, fold and all.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
-from stereosom.arrays import Booleans, Floats
+from stereosom.arrays import Floats
 from stereosom.camera import Camera, StereoRig, triangulate
 from stereosom.matching import match_monotone
 
-from .picture import Mask
+from .end_pictures import Additive, Axis, Covering, EndPicture, Window
+from .picture import Gray, Mask
+from .tube import Tube
 
 # So far before its end, in radii, the middle line of the view that is looked along is believed;
 # over so many before that the depth is begun.
 BACK, BEGUN = 4.0, 8.0
 # Reach of the fold, radii.
-FOLD = 9.0
-# Pixels that are compared beside the mask: so many around it, and every which beyond.
-BESIDE, SPARSE = 3, 4
-# Steps along the tail, ends that are tried at first, and how many of those are followed up.
-STEPS, STARTS, FOLLOWED = 24, 13, 2
-# Softness of the edges while fitting, px, and how the depth is kept smooth, px² per px².
-SOFT, STIFF = 1.5, np.array([0.04, 0.01, 0.04])
+FOLD = 5.5
+# Points along the tail, ends that are tried at first, and how many of those are followed up.
+STEPS, STARTS, FOLLOWED = 20, 11, 2
+# How the depth is kept smooth, and how well the absorption is known: per deviation.
+STIFF, SURE = np.array([0.16, 0.04, 0.16]), 20.0
+# Deviations of the noise beyond which a pixel counts no more.
+MOST_OFF = 6.0
+# A fit that was begun at the last frame's is believed up to this many times its misfit; all
+# starts are tried again after so many frames.
+WORSE, ANEW = 1.25, 8
+# An account of the light whose costs, over so many searches, are that much higher than another's,
+# is tried no more.
+MEMORY, REFUTED = 3, 1.25
+# A fit has settled where a step wins less than this share of the cost, and takes no more tries.
+SETTLED, TRIES = 0.01, 24
+
+# Steps of a bend by which slopes are told at first.
+_UNITS = np.diag([0.4, 0.4, 0.4, 0.03])
+
+Make = Callable[[Window, Axis, float], EndPicture]
+ACCOUNTS: dict[str, Make] = {
+    "additive": Additive,
+    "covering": lambda window, body, blur: Covering(window, body, blur, face=True),
+    "flat": lambda window, body, blur: Covering(window, body, blur, face=False),
+}
 
 
 @dataclass(frozen=True, eq=False)
 class EndView:
-    """One view of an end: its camera, the middle line up to the end, and half its width, px."""
+    """One view of an end: its camera, and the tube there with which of its ends, 0 or -1."""
 
     camera: Camera
-    line: Floats
-    radius: float
+    tube: Tube
+    end: int
+
+    @property
+    def line(self) -> Floats:
+        """Middle line (n, 2), px, up to the end."""
+        return self.tube.line if self.end == -1 else self.tube.line[::-1]
+
+    @property
+    def radius(self) -> float:
+        """Half the width at the end, px."""
+        return float(self.tube.radius[self.end])
 
 
 @dataclass(frozen=True, eq=False)
 class EndOn:
-    """An end in space: its place, mm, the direction in which it points, and the fit's misfit.
+    """An end in space.
 
-    `tail` (n, 3), mm, is the axis of the stretch before it; `misfit` the share of the pixels
-    compared that the tube does not explain.
+    `tail` (n, 3), mm, is the axis of the stretch before it, which begins `steps` along the line
+    of the view that looks along; `misfit` the mean square deviation of the light from what such
+    an end gives, in units of its noise.
     """
 
     tail: Floats
+    steps: int
     misfit: float
 
     @property
@@ -62,59 +94,135 @@ class EndOn:
         heading = self.tail[-1] - self.tail[-3]
         return np.asarray(heading / np.linalg.norm(heading))
 
-    def face(self, camera: Camera, radius: float) -> Floats:
-        """Outline (n, 2), px, of the flat face at the end, of a radius in px."""
-        scale = radius * float(camera.pixel_size(self.place[None])[0])
+    def rims(self, camera: Camera, radius: float) -> Floats:
+        """Outlines (n, 40, 2), px, of the sections of the tail, the last one its face."""
+        heading = np.gradient(self.tail, axis=0)
+        heading /= np.linalg.norm(heading, axis=1, keepdims=True)
         helper = np.eye(3)[np.argmin(np.abs(self.heading))]
-        first = np.cross(self.heading, helper)
-        first /= np.linalg.norm(first)
+        first = np.cross(heading, helper)
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        second = np.cross(heading, first)
         around = np.linspace(0, 2 * np.pi, 40, endpoint=False)[:, None]
-        second = np.cross(self.heading, first)
-        rim = np.cos(around) * first + np.sin(around) * second
-        return np.asarray(camera.project(self.place + scale * rim))
+        rim = np.cos(around) * first[:, None] + np.sin(around) * second[:, None]
+        scale = radius * float(camera.pixel_size(self.place[None])[0])
+        points = self.tail[:, None] + scale * rim
+        return np.asarray(camera.project(points.reshape(-1, 3)).reshape(len(points), -1, 2))
 
 
-def find_end(rig: StereoRig, along: EndView, beside: EndView, mask: Mask) -> EndOn | None:
-    """Find the end of a device that points at the source of one view, or away from it.
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Depth and absorption that fit: `bend` (4,), its end beyond the line's end, px, the cost."""
 
-    Parameters
+    bend: Floats
+    beyond: float
+    cost: float
+
+
+class EndFinder:
+    """Finds ends that point at a source, or away from it, frame after frame of a run.
+
+    Two folds may explain a silhouette equally well; the light within and time tell them apart.
+    Which account of the light holds (`end_pictures`) is decided over the frames.
+
+    Attributes
     ----------
-    rig : StereoRig
-    along : EndView
-        The view that looks along the end; its line may stop at the fold.
-    beside : EndView
-        The view that sees it from the side.
-    mask : (rows, columns) array of bool
-        Of the view that looks along, drawn to its edges.
-
-    Returns
-    -------
-    EndOn or None
-        None where the views do not match before the end.
+    costs : dict of str to float
+        Of each account, over the frames that were searched: the least is believed.
     """
-    trusted = len(along.line) - 1 - round(BACK * along.radius)
-    begun = _matched(rig, along, beside, trusted)
-    if begun is None:
-        return None
-    at, level, slope = begun
-    tail = np.linspace(at, len(beside.line) - 1, STEPS)
-    steps = np.arange(len(beside.line))
-    pixels = np.column_stack([np.interp(tail, steps, beside.line[:, i]) for i in (0, 1)])
-    model = _Tail(
-        along, beside.camera, beside.camera.rays(pixels), level, slope * (tail[-1] - at), mask,
-        along.line[: trusted + 1],
-    )  # fmt: skip
-    starts = sorted(
-        ((model.cost(start), tuple(start)) for start in model.starts()), key=lambda one: one[0]
-    )
-    best = min((model.settled(np.array(s)) for _, s in starts[:FOLLOWED]), key=lambda one: one[0])
-    return EndOn(model.points(best[1]), best[0] / max(1, int(model.seen.sum())))
+
+    def __init__(self) -> None:
+        self.costs = dict.fromkeys(ACCOUNTS, 0.0)
+        self._searches = 0
+        self._last: dict[tuple[int, int], tuple[_Fit, int]] = {}
+
+    def find(
+        self, rig: StereoRig, along: EndView, beside: EndView, picture: Gray, mask: Mask
+    ) -> EndOn | None:
+        """Find the end of a device that points at the source of one view, or away from it.
+
+        Parameters
+        ----------
+        rig : StereoRig
+        along : EndView
+            The view that looks along the end; its line may stop at the fold.
+        beside : EndView
+            The view that sees it from the side.
+        picture : (rows, columns) array
+            Of the view that looks along, in proportion to the light.
+        mask : (rows, columns) array of bool
+            Its device, more or less.
+
+        Returns
+        -------
+        EndOn or None
+            None where the views do not match before the end.
+        """
+        trusted = len(along.line) - 1 - round(BACK * along.radius)
+        begun = _matched(rig, along, beside, trusted)
+        if begun is None:
+            return None
+        window = Window(picture, mask, along.tube, along.end, FOLD * along.radius + 4)
+        model = _Tail(along, beside, begun, window)
+        which = (0 if along.camera is rig.a else 1, along.end)
+        best = self._fitted(model, which)
+        misfit = best.cost / np.count_nonzero(window.compared)
+        return EndOn(model.points(best.bend), begun.last, misfit)
+
+    def _fitted(self, model: _Tail, which: tuple[int, int]) -> _Fit:
+        """Fit by the account that is believed; by all of them at first, and now and then."""
+        blur = model.along.tube.blur / model.window.factor
+
+        def picture(name: str) -> EndPicture:
+            return ACCOUNTS[name](model.window, model.body, blur)
+
+        believed = min(self.costs, key=self.costs.__getitem__)
+        last, age = self._last.get(which, (None, ANEW))
+        if last is not None and age < ANEW:
+            fit = model.settled(model.moved(last), picture(believed))
+            if fit.cost < WORSE * last.cost:
+                self._last[which] = fit, age + 1
+                return fit
+        starts = [np.array([0.0, end, 0.0, 0.0]) for end in model.ends()]
+        fits = {}
+        for name in self._left():
+            see = picture(name)
+            first = sorted((model.cost(start, see), tuple(start)) for start in starts)
+            tried = [np.array(start) for _, start in first[:FOLLOWED]]
+            if last is not None:
+                tried.append(model.moved(last))
+            fits[name] = min((model.settled(one, see) for one in tried), key=lambda fit: fit.cost)
+            self.costs[name] += fits[name].cost
+        self._searches += 1
+        best = fits[min(fits, key=self.costs.__getitem__)]
+        self._last[which] = best, 0
+        return best
+
+    def _left(self) -> list[str]:
+        """Accounts that are not refuted."""
+        if self._searches < MEMORY:
+            return list(self.costs)
+        least = min(self.costs.values())
+        return [name for name, cost in self.costs.items() if cost <= REFUTED * least]
 
 
-def _matched(
-    rig: StereoRig, along: EndView, beside: EndView, trusted: int
-) -> tuple[float, float, float] | None:
-    """Step of the line beside at the last trusted one of that along, depth there, mm, and slope."""
+@dataclass(frozen=True, eq=False)
+class _Begin:
+    """Where the tail begins, and the body before it.
+
+    `step` of the line beside and `last` of the line along, `depth` there and `slope` of it, mm;
+    `body` are the points of the line along, px, and `way` that to each of them in space, mm.
+    """
+
+    step: float
+    last: int
+    depth: float
+    slope: float
+    body: Floats
+    way: Floats
+
+
+def _matched(rig: StereoRig, along: EndView, beside: EndView, trusted: int) -> _Begin | None:
+    """Begin the tail at the last trusted step of the line along."""
     thin = 3
     first = max(0, trusted - round(BEGUN * along.radius))
     if trusted - first < 3 * thin:
@@ -124,108 +232,106 @@ def _matched(
         for view in (along, beside)
     ]
     matching = match_monotone(*angle)
-    near = (matching.in_a * thin >= first) & (matching.in_a * thin <= trusted)
+    far = max(0, trusted - round((BACK + FOLD) * along.radius))
+    known = (matching.in_a * thin >= far) & (matching.in_a * thin <= trusted)
+    in_along, in_beside = matching.in_a[known] * thin, matching.in_b[known] * thin
+    near = in_along >= first
     if np.count_nonzero(near) < 4:
         return None
-    in_along, in_beside = matching.in_a[near] * thin, matching.in_b[near] * thin
     seen = along.line[in_along], beside.line[in_beside]
     points = triangulate(rig, *(seen if along.camera is rig.a else seen[::-1]))
     depth = np.linalg.norm(points - beside.camera.center, axis=1)
     at = float(in_beside[-1])
-    if len(beside.line) - 1 - at < 3 or np.ptp(in_beside) < 2:
+    if len(beside.line) - 1 - at < 3 or np.ptp(in_beside[near]) < 2:
         return None
-    slope, level = np.polyfit(in_beside - at, depth, 1)
-    return at, float(level), float(slope)
+    slope, level = np.polyfit(in_beside[near] - at, depth[near], 1)
+    # The way in space along the body, its depth a parabola.
+    parabola = np.poly1d(np.polyfit(in_beside - at, depth, 2))
+    rays = beside.camera.rays(beside.line[in_beside])
+    body = parabola(in_beside - at)[:, None] * rays
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(body, axis=0), axis=1)))
+    steps = np.arange(in_along[0], in_along[-1] + 1)
+    smooth = np.poly1d(np.polyfit(in_along - steps[0], way, 2))(steps - steps[0])
+    longest = np.maximum.accumulate(smooth - smooth[0])
+    return _Begin(at, int(steps[-1]), float(level), float(slope), along.line[steps], longest)
 
 
 class _Tail:
-    """The stretch before the end, its depth along the rays of the view beside a cubic."""
+    """The stretch before the end, its depth along the rays of the view beside a cubic.
 
-    def __init__(
-        self, along: EndView, beside: Camera, rays: Floats, level: float, slope: float, mask: Mask,
-        body: Floats,
-    ) -> None:  # fmt: skip
-        self.along, self.beside, self.rays = along, beside, rays
-        self.level, self.slope = level, slope
-        share = np.linspace(0, 1, len(rays))
-        self.share = share
-        self.powers = np.stack([share, share**2, share**3], axis=1)
+    A `bend` (4,) holds the powers of the depth, in px of the view along, and the logarithm by
+    which the absorption differs from the tube's.
+    """
+
+    def __init__(self, along: EndView, beside: EndView, begin: _Begin, window: Window) -> None:
+        self.along, self.beside, self.window = along, beside.camera, window
+        tail = np.linspace(begin.step, len(beside.line) - 1, STEPS)
+        steps = np.arange(len(beside.line))
+        pixels = np.column_stack([np.interp(tail, steps, beside.line[:, i]) for i in (0, 1)])
+        self.rays = beside.camera.rays(pixels)
+        self.level, self.slope = begin.depth, begin.slope * (tail[-1] - tail[0])
+        self.share = np.linspace(0, 1, STEPS)
+        self.powers = np.stack([self.share, self.share**2, self.share**3], axis=1)
+        middle = self.beside.center + self.level * self.rays[-1]
         # Depth that moves a point by a pixel.
-        middle = beside.center + level * rays[-1]
         self.unit = float(along.camera.pixel_size(middle[None])[0])
-        end, reach = along.line[-1], FOLD * along.radius + 4
-        low = np.clip(np.floor(end - reach).astype(int), 0, np.array(mask.shape[::-1]) - 1)
-        high = np.clip(np.ceil(end + reach).astype(int) + 1, 1, mask.shape[::-1])
-        window = mask[low[1] : high[1], low[0] : high[0]]
-        # All pixels of the fold and beside it; of those that are merely empty, a few.
-        compared = ndimage.binary_dilation(window, iterations=BESIDE)
-        compared[::SPARSE, ::SPARSE] = True
-        row, column = np.nonzero(compared)
-        pixels = np.column_stack([column + low[0], row + low[1]]).astype(float)
-        drawn = _covered(pixels, body[-round(reach) - round(BACK * along.radius) :], along.radius)
-        kept = drawn < 0.99
-        self.pixels, self.body = pixels[kept], drawn[kept]
-        self.seen: Booleans = window[row, column][kept]
+        self.body = Axis(window.inside(begin.body), begin.way / self.unit / window.factor)
+        self.seen = window.root[window.compared]
+        # Where the end is along its epipolar line, px beyond the line's end, in the mean depth.
+        straight, moved = (
+            along.camera.project(self.points(np.array([0, end, 0, 0])))[-1] for end in (0.0, 1.0)
+        )
+        self._per_unit = float(np.linalg.norm(moved - straight))
+        self._there = float((along.line[-1] - straight) @ (moved - straight)) / self._per_unit**2
 
     def points(self, bend: Floats) -> Floats:
-        depth = self.level + self.slope * self.share + self.unit * (self.powers @ bend)
+        depth = self.level + self.slope * self.share + self.unit * (self.powers @ bend[:3])
         return np.asarray(self.beside.center + depth[:, None] * self.rays)
 
-    def misfit(self, bend: Floats) -> Floats:
-        line = self.along.camera.project(self.points(bend))
-        covered = np.maximum(_covered(self.pixels, line, self.along.radius), self.body)
-        return np.append(covered - self.seen, STIFF * bend)
+    def misfit(self, bend: Floats, picture: EndPicture) -> Floats:
+        points = self.points(bend)
+        way = np.linalg.norm(np.diff(points, axis=0), axis=1) / self.unit / self.window.factor
+        line = self.window.inside(self.along.camera.project(points))
+        tail = Axis(line, np.append(0.0, np.cumsum(way)))
+        light = picture(tail, self.along.tube.absorption * float(np.exp(bend[3])))
+        off = np.clip((light - self.seen) / self.window.noise, -MOST_OFF, MOST_OFF)
+        return np.concatenate([off, STIFF * bend[:3], [SURE * bend[3]]])
 
-    def cost(self, bend: Floats) -> float:
-        return float(np.sum(self.misfit(bend) ** 2))
+    def cost(self, bend: Floats, picture: EndPicture) -> float:
+        return float(np.sum(self.misfit(bend, picture) ** 2))
 
-    def starts(self) -> list[Floats]:
-        """Bends that bring the end to places about the end of the line that is seen."""
-        straight = self.along.camera.project(self.points(np.zeros(3)))[-1]
-        # How far the end moves along its epipolar line with one unit of depth.
-        moved = self.along.camera.project(self.points(np.array([0, 1.0, 0])))[-1] - straight
-        there = float((self.along.line[-1] - straight) @ moved) / float(moved @ moved)
-        per_px = 1 / float(np.linalg.norm(moved))
-        offsets = np.linspace(-FOLD, FOLD, STARTS) * self.along.radius * per_px
-        return [np.array([0.0, there + offset, 0.0]) for offset in offsets]
+    def ends(self) -> Floats:
+        """Depths of the end, px, that bring it to places about the end of the line seen."""
+        offsets = np.linspace(-FOLD, FOLD, STARTS) * self.along.radius / self._per_unit
+        return np.asarray(self._there + offsets)
 
-    def settled(self, bend: Floats) -> tuple[float, Floats]:
-        """Cost and bend after Levenberg and Marquardt's steps."""
-        misfit = self.misfit(bend)
+    def moved(self, last: _Fit) -> Floats:
+        """The bend of another frame, its end as far beyond the line's end as it was there."""
+        bend = last.bend.copy()
+        bend[1] += self._there + last.beyond - bend[:3].sum()
+        return bend
+
+    def settled(self, bend: Floats, picture: EndPicture) -> _Fit:
+        """Least cost near a bend, by Levenberg and Marquardt's steps with Broyden's slopes."""
+        misfit = self.misfit(bend, picture)
         cost, damping = float(misfit @ misfit), 1e-2
-        for _ in range(12):
-            slopes = np.stack(
-                [(self.misfit(bend + 0.5 * unit) - misfit) / 0.5 for unit in np.eye(3)], axis=1
-            )
+        columns = [(self.misfit(bend + unit, picture) - misfit) / unit.sum() for unit in _UNITS]
+        slopes = np.stack(columns, axis=1)
+        little = 0
+        for _ in range(TRIES):
             normal = slopes.T @ slopes
             step = np.linalg.solve(
-                normal + damping * np.diag(np.diag(normal) + 1e-3), -slopes.T @ misfit
+                normal + damping * np.diag(np.diag(normal) + 1e-6), -slopes.T @ misfit
             )
-            there = self.misfit(bend + step)
-            reached = float(there @ there)
-            if reached < cost:
-                settled = cost - reached < 1e-3 * cost
-                bend, misfit, cost, damping = bend + step, there, reached, damping / 4
-                if settled:
-                    break
+            there = self.misfit(bend + step, picture)
+            # The slopes as this step has shown them (Broyden), whether it was a good one or not.
+            slopes += np.outer(there - misfit - slopes @ step, step) / (step @ step)
+            won = cost - float(there @ there)
+            if won > 0:
+                bend, misfit, cost, damping = bend + step, there, cost - won, damping / 4
             else:
-                damping *= 8
-                if damping > 1e3:
-                    break
-        return cost, bend
-
-
-def _covered(pixels: Floats, line: Floats, radius: float) -> Floats:
-    """How far pixels (n, 2) lie within a ribbon, cut flat at its line's last point, 0 to 1."""
-    step = np.diff(line, axis=0)
-    square = np.maximum((step**2).sum(axis=1), 1e-12)
-    apart = pixels[:, None] - line[:-1]
-    place = (apart * step).sum(axis=2) / square
-    distance = np.linalg.norm(apart - np.clip(place, 0, 1)[..., None] * step, axis=2)
-    outside = distance.min(axis=1) - radius
-    # What lies nearest to the last point, and beyond it, belongs to nothing.
-    beyond = (place[:, -1] - 1) * np.sqrt(square[-1])
-    past = (beyond > 0) & (distance.argmin(axis=1) == len(step) - 1)
-    across = np.sqrt(np.maximum(distance[past, -1] ** 2 - beyond[past] ** 2, 0))
-    outside[past] = np.maximum(across - radius, beyond[past])
-    return np.asarray(np.clip(0.5 - outside / (2 * SOFT), 0, 1))
+                damping *= 4
+            little = little + 1 if won < SETTLED * cost else 0
+            if little == 3:
+                break
+        return _Fit(bend, float(bend[:3].sum()) - self._there, cost)

@@ -1,15 +1,16 @@
-"""The flat faces of free ends, seen obliquely: they reach beyond where the axis ends."""
+"""Masks of both views, with the ends as both of them tell: flat faces, folds, rounds."""
 
 from __future__ import annotations
 
-from stereosom.arrays import Floats
-from stereosom.camera import StereoRig
+from dataclasses import replace
+
+from stereosom.camera import Camera, StereoRig
 
 from .both_views import end_caps
-from .end_on import EndView, find_end
-from .free_ends import roundness
+from .end_on import EndFinder, EndOn, EndView
+from .free_ends import roundness, sharpen_end
 from .picture import Mask
-from .tube import Tube, draw_line, end_face
+from .tube import Tube, draw, draw_line, end_face
 from .xray import View
 
 # A face that reaches less far into the picture, px, changes nothing.
@@ -18,16 +19,14 @@ LEAST = 0.2
 END_ON = 0.75
 
 
-def add_faces(
-    rig: StereoRig,
-    views: tuple[View, View],
-    tubes: tuple[Tube, Tube],
-    masks: tuple[Mask, Mask],
-) -> None:
-    """Add to both masks, in place, the round that flat end faces add to the silhouette.
+def filled(
+    rig: StereoRig, views: tuple[View, View], tubes: tuple[Tube, Tube], finder: EndFinder
+) -> tuple[Mask, Mask]:
+    """Masks of both views of a device.
 
-    Half of the light marks where the axis of a tube ends; its silhouette reaches farther where
-    the end is seen obliquely.
+    Half of the light marks where the axis of a tube ends; its silhouette reaches farther by the
+    round of the flat end face, where that is seen obliquely. Where an end points at a source,
+    the silhouette is that of the end in space which explains the light.
 
     Parameters
     ----------
@@ -35,57 +34,63 @@ def add_faces(
     views : pair of View
     tubes : pair of Tube
         The middle lines that were fitted.
-    masks : pair of (rows, columns) array of bool
-        As drawn from them and the pictures.
+    finder : EndFinder
+        Of this run.
     """
-    reaches = end_caps(rig, *tubes)
     cameras = (rig.a, rig.b)
-    done: set[tuple[int, int]] = set()
-    for along in (0, 1):
-        beside = 1 - along
+    masks = [draw(tube, view.picture.shape) for tube, view in zip(tubes, views, strict=True)]
+    reaches = end_caps(rig, *tubes)
+    # By view and end: the end in space, and whether it is looked along.
+    known: dict[tuple[int, int], tuple[EndOn, bool]] = {}
+    for along, beside in ((0, 1), (1, 0)):
         for end, reach in zip((0, -1), reaches[along], strict=True):
-            if reach < END_ON * tubes[along].radius[end]:
-                continue
             other = _same_end(rig, tubes, along, end)
-            if other is None or (along, end) in done:
+            oblique = reach >= END_ON * tubes[along].radius[end]
+            if other is None or not oblique or (along, end) in known:
                 continue
-            found = find_end(
+            found = finder.find(
                 rig,
-                EndView(cameras[along], _to(tubes[along], end), float(tubes[along].radius[end])),
-                EndView(
-                    cameras[beside], _to(tubes[beside], other), float(tubes[beside].radius[other])
-                ),
+                EndView(cameras[along], tubes[along], end),
+                EndView(cameras[beside], tubes[beside], other),
+                views[along].picture,
                 masks[along],
             )
-            if found is None:
-                continue
-            masks[along][...] |= draw_line(
-                cameras[along].project(found.tail),
-                float(tubes[along].radius[end]),
-                masks[along].shape,
-            )
-            for side, which in ((along, end), (beside, other)):
-                radius = float(tubes[side].radius[which])
-                draw_outline(masks[side], found.face(cameras[side], radius))
-                done.add((side, which))
-    for side in (0, 1):
+            if found is not None:
+                known[along, end] = found, True
+                known[beside, other] = found, False
+    for side, (tube, view) in enumerate(zip(tubes, views, strict=True)):
+        for end in (0, -1):
+            if (side, end) in known and known[side, end][1]:
+                found = known[side, end][0]
+                tube = _without_end(tube, end, found.steps)
+                masks[side] = draw(tube, view.picture.shape)
         for end, reach in zip((0, -1), reaches[side], strict=True):
-            if (side, end) in done or reach <= LEAST or tubes[side].enters[end]:
-                continue
-            flat = 1 - roundness(views[side].picture, tubes[side], end)
-            masks[side][...] |= end_face(tubes[side], end, reach * flat, masks[side].shape)
+            found, looked_along = known.get((side, end), (None, False))
+            if not looked_along:
+                sharpen_end(masks[side], view.picture, tubes[side], end)
+            if found is not None:
+                radius = float(tubes[side].radius[end])
+                _add_end(masks[side], cameras[side], found, radius, whole=looked_along)
+            elif reach > LEAST and not tube.enters[end]:
+                flat = 1 - roundness(view.picture, tube, end)
+                masks[side] |= end_face(tube, end, reach * flat, masks[side].shape)
+    return masks[0], masks[1]
 
 
-def draw_outline(mask: Mask, outline: Floats) -> None:
-    """Set the pixels within an outline (n, 2), px."""
+def _without_end(tube: Tube, end: int, steps: int) -> Tube:
+    """A tube up to so many steps from its other end."""
+    kept = slice(0, steps + 1) if end == -1 else slice(len(tube.line) - 1 - steps, None)
+    return replace(tube, line=tube.line[kept], radius=tube.radius[kept])
+
+
+def _add_end(mask: Mask, camera: Camera, found: EndOn, radius: float, *, whole: bool) -> None:
+    """Draw the face at an end, and the whole tail before it, of a radius in px."""
     from skimage.draw import polygon
 
-    mask[polygon(outline[:, 1], outline[:, 0], mask.shape)] = True
-
-
-def _to(tube: Tube, end: int) -> Floats:
-    """Middle line up to an end (0 or -1)."""
-    return tube.line if end == -1 else tube.line[::-1]
+    if whole:
+        mask |= draw_line(camera.project(found.tail), radius, mask.shape)
+    for outline in found.rims(camera, radius) if whole else found.rims(camera, radius)[-1:]:
+        mask[polygon(outline[:, 1], outline[:, 0], mask.shape)] = True
 
 
 def _same_end(rig: StereoRig, tubes: tuple[Tube, Tube], along: int, end: int) -> int | None:

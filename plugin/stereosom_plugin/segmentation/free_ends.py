@@ -24,8 +24,8 @@ ROUND, NOT_FLAT = 1 - np.sqrt(1 - 0.75**2), 0.3
 _SQUARE = np.ones((3, 3), dtype=bool)
 
 
-def sharpen_ends(mask: Mask, picture: Gray, tube: Tube) -> None:
-    """Give a drawn tube the free ends that the picture shows, in place.
+def sharpen_end(mask: Mask, picture: Gray, tube: Tube, end: int) -> None:
+    """Give a drawn tube the free end (0 or -1) that the picture shows, in place.
 
     A device that points at the source, or away from it, ends round in the picture or bends
     back over itself, where no middle line follows it.
@@ -37,32 +37,33 @@ def sharpen_ends(mask: Mask, picture: Gray, tube: Tube) -> None:
     picture : (rows, columns) array
         In proportion to the light.
     tube : Tube
+    end : int
+        0 or -1; nothing is done where it is none, at the border of the field.
     """
-    for end in (0, -1):
-        if tube.enters[end]:
-            continue
-        radius = float(tube.radius[end])
-        place = tube.line[end]
-        reach = FOLD * radius + 4
-        low = np.maximum(np.floor(place - reach).astype(int), 0)
-        high = np.minimum(np.ceil(place + reach).astype(int) + 1, mask.shape[::-1])
-        window = slice(low[1], high[1]), slice(low[0], high[0])
-        if min(mask[window].shape, default=0) < 4:
-            continue
-        taken = _light_taken(log_light(picture[window], darkest(picture)), radius)
-        drawn = mask[window]
-        usual = 1 - np.exp(-tube.absorption)
-        level = usual * edge_share(tube, SMOOTHED)
-        noise = 1.4826 * np.median(taken[~drawn]) if not drawn.all() else 0.0
-        if level < CLEAR * noise:
-            continue
-        dark = taken > level
-        row, column = np.indices(dark.shape)
-        away = np.hypot(column + low[0] - place[0], row + low[1] - place[1])
-        beside = ndimage.binary_dilation(drawn, _SQUARE)
-        at_end = away < END * radius + 1
-        folded = _folded(dark, drawn, taken, away, radius, LEAST_SHARE * usual)
-        mask[window] = (drawn & (dark | ~at_end)) | (dark & beside & at_end) | folded
+    if tube.enters[end]:
+        return
+    radius = float(tube.radius[end])
+    place = tube.line[end]
+    reach = FOLD * radius + 4
+    low = np.maximum(np.floor(place - reach).astype(int), 0)
+    high = np.minimum(np.ceil(place + reach).astype(int) + 1, mask.shape[::-1])
+    window = slice(low[1], high[1]), slice(low[0], high[0])
+    if min(mask[window].shape, default=0) < 4:
+        return
+    taken = _light_taken(log_light(picture[window], darkest(picture)), radius)
+    drawn = mask[window]
+    usual = 1 - np.exp(-tube.absorption)
+    level = usual * edge_share(tube, SMOOTHED)
+    noise = 1.4826 * np.median(taken[~drawn]) if not drawn.all() else 0.0
+    if level < CLEAR * noise:
+        return
+    dark = taken > level
+    row, column = np.indices(dark.shape)
+    away = np.hypot(column + low[0] - place[0], row + low[1] - place[1])
+    beside = ndimage.binary_dilation(drawn, _SQUARE)
+    at_end = away < END * radius + 1
+    folded = _folded(dark, drawn, taken, away, radius, LEAST_SHARE * usual)
+    mask[window] = (drawn & (dark | ~at_end)) | (dark & beside & at_end) | folded
 
 
 def roundness(picture: Gray, tube: Tube, end: int) -> float:

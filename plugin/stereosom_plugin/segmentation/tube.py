@@ -92,7 +92,7 @@ def fit_tube(
     last_size = 0.0
     grown = [0.0, 0.0]
     for attempt in range(PASSES):
-        longer = _extended(line, REACH, smooth=4.0 if attempt == 0 else 1.5)
+        longer = extended(line, REACH, smooth=4.0 if attempt == 0 else 1.5)
         darkness, across = _straightened(picture, longer, half)
         half = _half_width(darkness[REACH:-REACH], across)
         before, behind = (
@@ -100,7 +100,8 @@ def fit_tube(
             for side, way in enumerate((darkness[::-1], darkness))
         )
         size = before + behind - len(longer)
-        settled = attempt >= 2 and abs(size - last_size) < 0.1
+        # A line that was followed has its direction already.
+        settled = attempt >= (2 if blur is None else 1) and abs(size - last_size) < 0.1
         last_size = size
         first, last = len(longer) - 1 - before, behind
         if last - first < 8:
@@ -110,7 +111,7 @@ def fit_tube(
         for side, reached in enumerate((before, behind)):
             grown[side] += reached - (len(longer) - 1 - REACH)
         center = _center(darkness, across, half, first, last)
-        line = longer + center[:, None] * _normals(longer)
+        line = longer + center[:, None] * normals(longer)
         line = _even(line[max(0, int(first)) : int(np.ceil(last)) + 1])
     begin, end = first, last
     if end - begin < 8:
@@ -131,7 +132,7 @@ def draw_line(line: Floats, radius: Floats | float, shape: tuple[int, ...]) -> M
     from skimage.draw import polygon
 
     mask = np.zeros(shape, dtype=bool)
-    offset = np.broadcast_to(radius, len(line))[:, None] * _normals(line)
+    offset = np.broadcast_to(radius, len(line))[:, None] * normals(line)
     left, right = line + offset, line - offset
     for start in range(0, len(line) - 1, 6):
         part = slice(start, start + 7)
@@ -150,7 +151,7 @@ def draw(tube: Tube, shape: tuple[int, int]) -> Mask:
     """
     line = tube.line
     if any(tube.enters):  # beyond the border, so that no gap is left there
-        line = _extended(line, 12)[0 if tube.enters[0] else 12 : None if tube.enters[1] else -12]
+        line = extended(line, 12)[0 if tube.enters[0] else 12 : None if tube.enters[1] else -12]
     radius = np.interp(
         np.linspace(0, 1, len(line)), np.linspace(0, 1, len(tube.radius)), tube.radius
     )
@@ -163,7 +164,7 @@ def end_face(tube: Tube, end: int, reach: float, shape: tuple[int, ...]) -> Mask
 
     mask = np.zeros(shape, dtype=bool)
     around = np.linspace(0, 2 * np.pi, 40)
-    normal = _normals(tube.line)[end]
+    normal = normals(tube.line)[end]
     along = np.array([normal[1], -normal[0]])
     outline = tube.line[end] + np.outer(np.cos(around), reach * along)
     outline += np.outer(np.sin(around), tube.radius[end] * normal)
@@ -180,7 +181,7 @@ def _even(points: Floats) -> Floats:
     return np.column_stack([np.interp(place, along, points[:, i]) for i in (0, 1)])
 
 
-def _extended(line: Floats, by: int, smooth: float = 0.0) -> Floats:
+def extended(line: Floats, by: int, smooth: float = 0.0) -> Floats:
     """A line with `by` more steps at each end, straight on from the last ten."""
     back = min(10, len(line) - 1)
     step = np.arange(1, by + 1)[:, None]
@@ -190,7 +191,8 @@ def _extended(line: Floats, by: int, smooth: float = 0.0) -> Floats:
     return ndimage.gaussian_filter1d(longer, smooth, axis=0) if smooth else longer
 
 
-def _normals(line: Floats) -> Floats:
+def normals(line: Floats) -> Floats:
+    """Directions of length one (n, 2) across a line, to the right of its way in the picture."""
     tangent = np.gradient(line, axis=0)
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-9)
     return np.column_stack([-tangent[:, 1], tangent[:, 0]])
@@ -205,7 +207,7 @@ def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Flo
     count = int(np.ceil((half + 6.0) / ACROSS))
     far = ACROSS * count
     across = ACROSS * np.arange(-count, count + 1)
-    place = line[:, None] + across[:, None] * _normals(line)[:, None]
+    place = line[:, None] + across[:, None] * normals(line)[:, None]
     straight = log_at(picture, place)
     sides = []
     beyond = int(np.floor((far - near) / ACROSS)) + 1
@@ -329,14 +331,10 @@ def _profile(
 
 def _with_slopes(place: Floats, parameters: Floats) -> tuple[Floats, Floats]:
     """Profile (n,) of radius, absorption, blur, center, and how it changes with them, (n, 4)."""
-
-    def model(radius: float, absorption: float, blur: float, center: float) -> Floats:
-        return _blurred_chords(place - center, radius, absorption, blur)
-
-    here = model(*parameters)
     step = 1e-3
-    slopes = [(model(*(parameters + step * unit)) - here) / step for unit in np.eye(4)]
-    return here, np.stack(slopes, axis=1)
+    radius, absorption, blur, center = (parameters + step * np.vstack([np.zeros(4), np.eye(4)])).T
+    here, *moved = _blurred_chords(place - center[:, None], radius, absorption, blur)
+    return here, np.stack([(one - here) / step for one in moved], axis=1)
 
 
 def _robust_slope(x: Floats, y: Floats) -> float:
@@ -345,16 +343,21 @@ def _robust_slope(x: Floats, y: Floats) -> float:
     return float(np.median((y[j] - y[i]) / (x[j] - x[i])))
 
 
-def _blurred_chords(place: Floats, radius: float, absorption: float, blur: float) -> Floats:
-    """Share of light that a round tube takes at places across it, after a Gaussian blur.
+def _blurred_chords(
+    place: Floats, radius: Floats | float, absorption: Floats | float, blur: Floats | float
+) -> Floats:
+    """Share of light that a round tube takes at places (..., n) across it, after a Gaussian blur.
 
-    The profile is a sum of nested boxes, whose blur is a difference of normal distributions.
+    Radius, absorption and blur are one number or (...). The profile is a sum of nested boxes,
+    whose blur is a difference of normal distributions.
     """
+    radius, absorption, blur = (np.asarray(one)[..., None] for one in (radius, absorption, blur))
     taken = 1 - np.exp(-absorption * np.sqrt(1 - _OFFSETS**2))
-    weight = taken - np.append(taken[1:], 0.0)
-    edge = radius * (_OFFSETS + 0.5 / len(_OFFSETS))
-    inside = ndtr((place[:, None] + edge) / blur) - ndtr((place[:, None] - edge) / blur)
-    return np.asarray(inside @ weight)
+    weight = taken - np.concatenate([taken[..., 1:], np.zeros_like(taken[..., :1])], axis=-1)
+    edge = (radius * (_OFFSETS + 0.5 / len(_OFFSETS)))[..., None, :]
+    at, wide = place[..., None], blur[..., None]
+    inside = ndtr((at + edge) / wide) - ndtr((at - edge) / wide)
+    return np.asarray((inside @ weight[..., None])[..., 0])
 
 
 def edge_share(tube: Tube, further_blur: float = 0.0) -> float:

@@ -11,7 +11,7 @@ from scipy import ndimage
 from stereosom.arrays import Floats, check_array
 
 from .chains import Chain, find_chains
-from .free_ends import sharpen_ends
+from .free_ends import sharpen_end
 from .picture import Gray, Mask, binned, checked, darkest, in_polygon, log_light
 from .ridges import SCALES, find_ridges
 from .tube import Tube, draw, fit_tube
@@ -192,7 +192,8 @@ def fill(view: View, tube: Tube | None) -> Mask:
     if tube is None:
         return np.zeros((rows, columns), dtype=bool)
     mask = draw(tube, (rows, columns))
-    sharpen_ends(mask, view.picture, tube)
+    for end in (0, -1):
+        sharpen_end(mask, view.picture, tube, end)
     return mask
 
 

@@ -1,0 +1,208 @@
+"""What a bent end looks like in the view along which it points, by three accounts of its light.
+
+- `additive`: light is absorbed on the whole way through the device. Where it folds over itself,
+  or is seen lengthwise, it is darker, and its end face shows. So do raw pictures.
+- `covering`: the silhouette, face included, is as dark as the device seen from the side: so do
+  pictures whose dark end is cut off.
+- `flat`: the same without the face, as in drawn pictures.
+
+All of them are fitted; the run as a whole decides which holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy import ndimage
+
+from stereosom.arrays import Booleans, Floats, Integers
+
+from .picture import Gray, Mask, binned, darkest, log_light
+from .tube import Tube
+
+# Pixels of the device that are compared, beside it, and of those that are merely empty.
+BESIDE, SPARSE = 3, 4
+# Spacing of the points that stand for the body and for its axis, px.
+SPACING, ALONG = 0.75, 0.7
+# Greatest radius that is compared pixel by pixel, px, and the least noise of the root.
+WIDE, LEAST_NOISE = 4.0, 0.01
+# Root of the light, as a share, above which nothing lies behind that a closing does not follow.
+PALE = 0.9
+# Blur of the points themselves, px.
+_POINT_BLUR = 0.3
+
+
+class Window:
+    """The picture about an end: the root of its light, as a share of the light without a device.
+
+    The root, because photon noise is the same in it at every brightness. Where the device is
+    wide, pixels are put together.
+
+    Attributes
+    ----------
+    radius : float
+        Half the device's width, px of the window.
+    root : (rows, columns) array
+    noise : float
+        Standard deviation of the root where there is no device.
+    compared : (rows, columns) array of bool
+        Pixels that are worth to be compared.
+    """
+
+    def __init__(self, picture: Gray, mask: Mask, tube: Tube, end: int, reach: float) -> None:
+        radius = float(tube.radius[end])
+        self.factor = factor = max(1, round(radius / WIDE))
+        self.radius = radius / factor
+        size = np.array(picture.shape[::-1])
+        low = np.clip(np.floor(tube.line[end] - reach).astype(int), 0, size - 1)
+        high = np.clip(np.ceil(tube.line[end] + reach).astype(int) + 1, low + factor, size)
+        low = np.minimum(low, size - factor)
+        part = slice(low[1], high[1]), slice(low[0], high[0])
+        light = binned(picture[part], factor)
+        drawn = binned(mask[part].astype(np.float32), factor) > 0
+        width = 2 * round(3 * self.radius) + 5
+        log = log_light(light, darkest(picture))
+        lit = ndimage.grey_closing(
+            ndimage.gaussian_filter(log, 0.6), (width, width), mode="nearest"
+        )
+        lit = ndimage.gaussian_filter(lit, 2.0)
+        empty = ~ndimage.binary_dilation(drawn, iterations=BESIDE)
+        if np.count_nonzero(empty) > 30:
+            lit += np.median((log - lit)[empty])  # a closing lies above what is noisy
+        self._low = low
+        # Unlike its logarithm, the root may go down to no light at all.
+        self.root = np.sqrt(np.maximum(light, 0) / np.exp(lit))
+        spread = 1.4826 * np.median(np.abs(self.root[empty] - 1)) if empty.any() else 0.0
+        self.noise = max(float(spread), LEAST_NOISE)
+        edge = 0.5 * (1 + np.exp(-0.5 * tube.absorption))
+        # What is dark and hangs together with the device; the rest is anatomy, or other wires.
+        pieces, _ = ndimage.label(self.root < edge, np.ones((3, 3)))
+        device = np.isin(pieces, pieces[drawn & (pieces > 0)])
+        self.compared: Booleans = ndimage.binary_dilation(device | drawn, iterations=BESIDE)
+        self.compared[::SPARSE, ::SPARSE] |= self.root[::SPARSE, ::SPARSE] > PALE
+
+    def inside(self, pixels: Floats) -> Floats:
+        """Pixels (n, 2) of the picture as those of the window."""
+        return np.asarray((pixels - self._low + 0.5) / self.factor - 0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """An axis in a window: its points (n, 2), px, and the way to each, px as seen from the side."""
+
+    points: Floats
+    way: Floats
+
+    def even(self, spacing: float) -> tuple[Floats, Floats, float]:
+        """Points at the middles of equal steps, how they move with the way, and the step."""
+        count = max(16, int(np.ceil(self.way[-1] / spacing)))
+        step = float(self.way[-1]) / count
+        at = (np.arange(count) + 0.5) * step
+        points = np.column_stack([np.interp(at, self.way, self.points[:, i]) for i in (0, 1)])
+        return points, np.gradient(points, axis=0) / step, step
+
+
+class EndPicture(Protocol):
+    """Root of the light at the compared pixels of a window."""
+
+    def __call__(self, tail: Axis, absorption: float) -> Floats:
+        """Of an axis up to the end, and the absorption of the device seen from the side."""
+
+
+class Additive:
+    """Light is absorbed on the whole way through the device: see `additive` above."""
+
+    def __init__(self, window: Window, body: Axis, blur: float) -> None:
+        self.window, self.radius = window, window.radius
+        # Points blur what they make, also by being shared between pixels. A disc's shadow has the
+        # variance r²/4 across; a smaller disc makes up for it.
+        blurred = _POINT_BLUR**2 + 1 / 6
+        radius = np.sqrt(max(self.radius**2 - 4 * blurred, self.radius**2 / 4))
+        count = max(3, int(np.ceil(2 * radius / SPACING)))
+        place = (np.arange(count) + 0.5) / count * 2 - 1
+        across, along = np.meshgrid(place, place)
+        disc = np.hypot(across, along) < 1
+        self.across, self.along = radius * across[disc], radius * along[disc]
+        self.blur = blur
+        self.body = self._way_through(body)
+
+    def __call__(self, tail: Axis, absorption: float) -> Floats:
+        """As in `EndPicture`."""
+        through = self.body + self._way_through(tail)
+        light = np.exp(-absorption / (2 * self.radius) * through)
+        light = ndimage.gaussian_filter(light, self.blur, truncate=3.0)
+        return np.asarray(np.sqrt(light[self.window.compared]))
+
+    def _way_through(self, axis: Axis) -> Floats:
+        """Way through the device at each pixel, px: discs, which are ellipses seen obliquely."""
+        center, moves, step = axis.even(ALONG)
+        sine = np.linalg.norm(moves, axis=1)
+        along = moves / np.maximum(sine, 1e-6)[:, None]
+        across = np.column_stack([-along[:, 1], along[:, 0]])
+        thick = np.sqrt(1 - np.minimum(sine, 1) ** 2)[:, None] * self.along
+        points = center[:, None] + self.across[:, None] * across[:, None]
+        points += thick[..., None] * along[:, None]
+        return self._heaped(points.reshape(-1, 2), np.pi * self.radius**2 * step / len(self.across))
+
+    def _heaped(self, points: Floats, each: float) -> Floats:
+        """Points (n, 2) that stand for a volume each, px³, as a height at each pixel, px."""
+        rows, columns = self.window.root.shape
+        # One more on each side, where all that lies beyond the window is heaped.
+        x = np.clip(points[:, 0] + 1, 0, columns + 0.999)
+        y = np.clip(points[:, 1] + 1, 0, rows + 0.999)
+        column, row = x.astype(int), y.astype(int)
+        right, down = x - column, y - row
+        first = row * (columns + 2) + column
+        place = np.concatenate([first, first + 1, first + columns + 2, first + columns + 3])
+        share = np.concatenate(
+            [(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down]
+        )
+        heap = each * np.bincount(place, share, (rows + 3) * (columns + 2))
+        heap = heap[: (rows + 2) * (columns + 2)].reshape(rows + 2, columns + 2)[1:-1, 1:-1]
+        return np.asarray(ndimage.gaussian_filter(heap, _POINT_BLUR, truncate=3.0))
+
+
+class Covering:
+    """The nearest part of the device alone absorbs light: `covering` or, without face, `flat`."""
+
+    def __init__(self, window: Window, body: Axis, blur: float, *, face: bool) -> None:
+        self.window, self.radius, self.blur, self.face = window, window.radius, blur, face
+        row, column = np.nonzero(window.compared)
+        self.pixels = np.column_stack([column, row]).astype(np.float32)
+        self.square = (self.pixels**2).sum(axis=1)
+        self.body = self._share(self._distance(body.even(ALONG)[0])[0])
+        self.light = np.ones(window.root.shape)
+
+    def __call__(self, tail: Axis, absorption: float) -> Floats:
+        """As in `EndPicture`."""
+        axis, moves, step = tail.even(ALONG)
+        distance, nearest = self._distance(axis)
+        shown = float(np.linalg.norm(moves[-1]))
+        ahead = moves[-1] / max(shown, 1e-6)
+        end = axis[-1] + moves[-1] * step / 2
+        offset = self.pixels - end
+        beyond = offset @ ahead
+        past = (nearest == len(axis) - 1) & (beyond > -0.5)
+        within = np.where(past, np.clip(0.5 - beyond, 0, 1), 1.0)
+        share = np.maximum(self.body, within * self._share(distance))
+        if self.face:
+            thick = np.sqrt(max(1 - shown**2, 0.02))
+            away = np.hypot(beyond / thick, offset @ np.array([-ahead[1], ahead[0]]))
+            share = np.maximum(share, self._share(away))
+        self.light[self.window.compared] = np.exp(-absorption * share)
+        light = ndimage.gaussian_filter(self.light, self.blur, truncate=3.0)
+        return np.asarray(np.sqrt(light[self.window.compared]))
+
+    def _share(self, distance: Floats) -> Floats:
+        """Chord at a distance from the axis, as a share of the diameter."""
+        return np.asarray(np.sqrt(np.maximum(1 - (distance / self.radius) ** 2, 0)))
+
+    def _distance(self, axis: Floats) -> tuple[Floats, Integers]:
+        """Distance of each compared pixel to the nearest of points (n, 2), and its number."""
+        points = axis.astype(np.float32)
+        square = self.square[:, None] - 2 * self.pixels @ points.T + (points**2).sum(axis=1)
+        nearest = square.argmin(axis=1)
+        least = np.take_along_axis(square, nearest[:, None], axis=1)[:, 0]
+        return np.sqrt(np.maximum(least, 0)), nearest

@@ -1,0 +1,66 @@
+"""What is made ahead comes in order, with its errors, and leaves no process behind."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+
+import numpy as np
+import pytest
+
+from stereosom_plugin.ahead import ahead
+from stereosom_plugin.errors import InputError
+
+
+def test_the_same_comes_in_the_same_order():
+    made = (np.full((50, 50), number) for number in range(30))
+    assert [int(one[0, 0]) for one in ahead(made)] == list(range(30))
+    assert multiprocessing.active_children() == []
+
+
+def test_it_is_another_process_where_there_is_one_to_spare():
+    (worker,) = ahead(os.getpid() for _ in range(1))
+    if not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
+        pytest.skip("one processor, or another system")
+    assert worker != os.getpid()
+
+
+def test_an_error_comes_after_what_was_made_before():
+    def failing():
+        yield 1
+        raise InputError("a.dcm", "is torn", "copy it again")
+
+    made = ahead(failing())
+    assert next(made) == 1
+    with pytest.raises(InputError, match="is torn"):
+        next(made)
+    assert multiprocessing.active_children() == []
+
+
+def test_a_process_that_dies_is_no_silent_end():
+    def dying():
+        yield 1
+        os._exit(3)
+
+    if not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
+        pytest.skip("it would be this process")
+    with pytest.raises(RuntimeError, match="ended"):
+        list(ahead(dying()))
+
+
+def test_it_ends_with_its_taker_and_never_runs_far_ahead(tmp_path):
+    log = tmp_path / "made"
+
+    def endless():
+        number = 0
+        while True:
+            with log.open("a") as file:
+                file.write("x")
+            yield np.zeros(20_000)
+            number += 1
+
+    made = ahead(endless())
+    next(made)
+    made.close()
+    assert multiprocessing.active_children() == []
+    assert log.stat().st_size < 5
