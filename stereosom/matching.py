@@ -16,11 +16,24 @@ _ONE_SIDED, _UNMATCHED = 0.5, 25.0
 
 @dataclass(frozen=True, eq=False)
 class Matching:
-    """Matched places (m,) of line a and line b, both not decreasing, and the cost, px²."""
+    """Matched places (m,) of line a and line b, both not decreasing, and the cost, px².
+
+    `lengths` is how many places both lines have.
+    """
 
     in_a: Integers
     in_b: Integers
     cost: float
+    lengths: tuple[int, int]
+
+    @property
+    def whole(self) -> tuple[bool, bool]:
+        """Whether both lines are matched from their first places on, and up to their last."""
+        n, m = self.lengths
+        return (
+            bool(self.in_a[0] == 0 and self.in_b[0] == 0),
+            bool(self.in_a[-1] == n - 1 and self.in_b[-1] == m - 1),
+        )
 
 
 def match_monotone(height_a: Floats, height_b: Floats) -> Matching:
@@ -89,7 +102,38 @@ def match_monotone(height_a: Floats, height_b: Floats) -> Matching:
         _, i, j = best
         pairs.append((i, j))
     in_a, in_b = np.array(pairs[::-1], dtype=np.intp).T
-    return Matching(in_a, in_b, cost)
+    return Matching(in_a, in_b, cost, (n, m))
+
+
+def match_lines(rig: StereoRig, line_a: Floats, line_b: Floats) -> tuple[Matching, Floats]:
+    """Match two middle lines along their epipolar lines.
+
+    Parameters
+    ----------
+    rig : StereoRig
+    line_a, line_b : (n, 2) array
+        From end to end, px; line b may run either way.
+
+    Returns
+    -------
+    Matching; (n, 2) array
+        Line b the way that line a runs.
+
+    Raises
+    ------
+    HardFrame
+        Where too little of both lines matches.
+    """
+    focal = (rig.a.focal_length + rig.b.focal_length) / 2
+    height_a = rig.epipolar_angle(rig.a, line_a) * focal
+    height_b = rig.epipolar_angle(rig.b, line_b) * focal
+    same, turned = match_monotone(height_a, height_b), match_monotone(height_a, height_b[::-1])
+    matching = same
+    if turned.cost < same.cost:
+        matching, line_b = turned, line_b[::-1]
+    if len(np.unique(matching.in_a)) < 8 or len(np.unique(matching.in_b)) < 8:
+        raise HardFrame("the two views do not show the same device: their lines do not match")
+    return matching, line_b
 
 
 def space_curve(rig: StereoRig, line_a: Floats, line_b: Floats) -> tuple[Floats, float]:
@@ -110,16 +154,16 @@ def space_curve(rig: StereoRig, line_a: Floats, line_b: Floats) -> tuple[Floats,
     HardFrame
         Where too little of both lines matches.
     """
-    focal = (rig.a.focal_length + rig.b.focal_length) / 2
-    height_a = rig.epipolar_angle(rig.a, line_a) * focal
-    height_b = rig.epipolar_angle(rig.b, line_b) * focal
-    same, turned = match_monotone(height_a, height_b), match_monotone(height_a, height_b[::-1])
-    matching = same
-    if turned.cost < same.cost:
-        matching, line_b = turned, line_b[::-1]
-    if len(np.unique(matching.in_a)) < 8 or len(np.unique(matching.in_b)) < 8:
-        raise HardFrame("the two views do not show the same device: their lines do not match")
+    matching, line_b = match_lines(rig, line_a, line_b)
     points = triangulate(rig, line_a[matching.in_a], line_b[matching.in_b])
+    return go_on(rig, points, (line_a, line_b), matching), matching.cost
+
+
+def go_on(
+    rig: StereoRig, points: Floats, lines: tuple[Floats, Floats], matching: Matching
+) -> Floats:
+    """Lengthen a curve (n, 3) through matched lines, straight on, by what one view alone sees."""
+    line_a, line_b = lines
     first_a, last_a = matching.in_a[[0, -1]]
     first_b, last_b = matching.in_b[[0, -1]]
     before = [(rig.a, line_a[:first_a][::-1]), (rig.b, line_b[:first_b][::-1])]
@@ -128,7 +172,7 @@ def space_curve(rig: StereoRig, line_a: Floats, line_b: Floats) -> tuple[Floats,
         points = _go_on(points[::-1], camera, pixels)[::-1]
     for camera, pixels in after:
         points = _go_on(points, camera, pixels)
-    return points, matching.cost
+    return points
 
 
 def _go_on(points: Floats, camera: Camera, pixels: Floats) -> Floats:

@@ -11,13 +11,12 @@ import numpy as np
 
 from ..arrays import Floats
 from ..backbone import Backbone
-from ..matching import space_curve
-from ..middle_line import middle_line
 from ..observation import Observation
 from ..reconstruction import HardFrame
 from .contour import Contour, mask_contour
 from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 from .reach import other_ends
+from .start import first_curve
 
 _SAMPLES = 200
 # Pixels of a mask this near to the border of the view are cut off there, and show no edge, px.
@@ -68,7 +67,7 @@ class TubeSearch:
 
     def anywhere(self) -> TubeFit:
         """Fit from the matched middle lines of both masks."""
-        curve, radius = _first_curve(self.seen)
+        curve, radius = first_curve(self.seen, self.segments)
         return self._with_better_ends(self._fit(curve, radius, FROM_AFAR))
 
     def near(self, start: Backbone) -> TubeFit:
@@ -148,20 +147,6 @@ def _misses(fit: TubeFit) -> bool:
     return missed > _MISSED * fit.looks[0].half_width or any(
         look.stray > _STRAY for look in fit.looks
     )
-
-
-def _first_curve(seen: Observation) -> tuple[Floats, float]:
-    """Points (n, 3) along the matched middle lines, mm, and the device's radius, mm."""
-    line_a, line_b = middle_line(seen.pixels_a), middle_line(seen.pixels_b)
-    points, _ = space_curve(seen.rig, line_a.points, line_b.points)
-    radii = [
-        line.width / 2 * float(camera.pixel_size(points).mean())
-        for line, camera in ((line_a, seen.rig.a), (line_b, seen.rig.b))
-    ]
-    try:
-        return Backbone.fit_spline(points, 20).polyline(_SAMPLES), float(np.mean(radii))
-    except (ValueError, np.linalg.LinAlgError) as error:
-        raise HardFrame(f"the two views' lines make no curve in space ({error})") from None
 
 
 def _width_radius(seen: Observation, curve: Floats) -> float:
