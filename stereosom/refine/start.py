@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..arrays import Floats
@@ -13,23 +11,21 @@ from ..middle_line import middle_line
 from ..middle_line.centering import directions
 from ..observation import Observation
 from ..reconstruction import HardFrame
-from .spline import spline_basis
+from .spline import SplineBasis, spline_basis
 
 # Pieces of the spline that is lifted; the fit refines it.
 _MOST_PIECES = 40
-# Rounds: the depth and the speed along the curve are those of the round before; the stiffness
-# is chosen anew so often in each.
-_ROUNDS, _CHOICES = 3, 3
-# In the first, no point is nearer or farther than so many times the middle one.
+# Rounds of Gauss-Newton, and how often the stiffness is chosen anew in each.
+_ROUNDS, _CHOICES = 2, 2
+# In the first, no point is taken to be nearer or farther than so many times the middle one.
 _DEPTHS = (0.5, 2.0)
 # Beside an error across a middle line, one along it weighs so much: where both views agree on
 # an end, and elsewhere, where it only keeps the points from sliding.
-_AT_ENDS, _SLIDING = 0.2, 0.003
+_AT_ENDS, _SLIDING = 0.5, 0.001
 # Stiffness to begin with, beside what the lines tell; and what holds where they tell nothing.
 _STIFF, _FLOOR = 0.1, 1e-10
-# Middle lines are off by this at least, px; what is off by more than so many times their noise
-# was matched wrongly and counts less.
-_LEAST_PX, _ODD = 0.1, 3.0
+# Middle lines are off by this at least, px.
+_LEAST_PX = 0.1
 
 
 def first_curve(seen: Observation, pieces: int) -> tuple[Floats, float]:
@@ -106,47 +102,45 @@ def lift(
     cameras = (rig.a, rig.b)
     places = (lines[0][matching.in_a], lines[1][matching.in_b])
     headings = (directions(lines[0])[matching.in_a], directions(lines[1])[matching.in_b])
-    rough = triangulate(rig, *places)
-    depths, speed = [], np.zeros(len(rough) - 1)
-    for camera, pixels in zip(cameras, places, strict=True):
-        depth = camera.depth(rough)
-        middle = float(np.median(depth))
-        depths.append(np.clip(depth, _DEPTHS[0] * middle, _DEPTHS[1] * middle))
-        steps = np.linalg.norm(np.diff(pixels, axis=0), axis=1)
-        speed = np.maximum(speed, steps * middle / camera.focal_length)
-    along = np.full(len(rough), _SLIDING)
-    at_ends = np.zeros(len(rough))
+    points = _about(rig, places)
+    # Even steps along the pictures: in space, depths that are off would count as length.
+    steps = [
+        np.linalg.norm(np.diff(pixels, axis=0), axis=1) * float(camera.pixel_size(points).mean())
+        for camera, pixels in zip(cameras, places, strict=True)
+    ]
+    reach = np.concatenate([[0.0], np.cumsum(np.maximum(*steps))])
+    values = basis.at(reach / reach[-1])
+    along = np.full(len(points), _SLIDING)
+    at_ends = np.zeros(len(points))
     for end, place in enumerate((0, -1)):
         if real_ends[end] and matching.whole[end]:
             along[place] = at_ends[place] = _AT_ENDS
-    across = np.ones(2 * len(rough))
+    weights = np.concatenate([np.ones(2 * len(points)), along, at_ends])
     stiffness = 0.0
     for _ in range(_ROUNDS):
-        reach = np.concatenate([[0.0], np.cumsum(speed)])
-        values = basis.at(reach / reach[-1])
-        rows, wanted = _equations(cameras, places, headings, depths)
-        weights = np.concatenate([across, along, at_ends])
-        system = _System.of(values, rows, wanted, weights)
-        control, stiffness = system.smoothest(basis.roughness, stiffness)
+        rows, wanted = _equations(cameras, places, headings, points)
+        control, stiffness = _smoothest(basis, values, rows, wanted, weights, stiffness)
         points = values @ control
-        depths = [camera.depth(points) for camera in cameras]
-        speed = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        off = system.residuals(control)[: len(across)]
-        spread = max(1.4826 * float(np.median(np.abs(off))), _LEAST_PX)
-        across = 1 / (1 + (off / (_ODD * spread)) ** 2)
     return basis.values @ control
+
+
+def _about(rig: StereoRig, places: tuple[Floats, Floats]) -> Floats:
+    """Points (n, 3) where matched places lie, but none very much nearer or farther than most."""
+    rays = rig.a.rays(places[0])
+    per_depth = rays / (rays @ rig.a.axis)[:, None]
+    depth = rig.a.depth(triangulate(rig, *places))
+    middle = float(np.median(depth))
+    depth = np.clip(depth, _DEPTHS[0] * middle, _DEPTHS[1] * middle)
+    return np.asarray(rig.a.center + depth[:, None] * per_depth)
 
 
 def _equations(
     cameras: tuple[Camera, Camera],
     places: tuple[Floats, Floats],
     headings: tuple[Floats, Floats],
-    depths: list[Floats],
+    points: Floats,
 ) -> tuple[Floats, Floats]:
-    """Linear equations that matched pixels set for n points in space, px.
-
-    In a picture, (P₁₂ − x P₃) X over the depth of X is how far X lies from a pixel x: exactly
-    linear, but for the depth, which need not be exact.
+    """Linear equations that matched places set for the n points in space near `points`, px.
 
     Returns
     -------
@@ -155,61 +149,60 @@ def _equations(
     wanted : (4, n) array
     """
     rows, wanted = [], []
-    for camera, pixels, heading, depth in zip(cameras, places, headings, depths, strict=True):
-        off = camera.projection[:2] - pixels[:, :, None] * camera.projection[2]
-        off /= depth[:, None, None]
+    for camera, pixels, heading in zip(cameras, places, headings, strict=True):
+        jacobian, off = camera.jacobian(points), pixels - camera.project(points)
         for direction in (np.column_stack([-heading[:, 1], heading[:, 0]]), heading):
-            row = np.einsum("ni,nij->nj", direction, off)
-            rows.append(row[:, :3])
-            wanted.append(-row[:, 3])
+            row = np.einsum("ni,nij->nj", direction, jacobian)
+            rows.append(row)
+            wanted.append(np.sum(direction * off, axis=1) + np.sum(row * points, axis=1))
     across_a, along_a, across_b, along_b = range(4)
-    mixed = [
+    return tuple(
         np.stack([of[across_a], of[across_b],
                   (of[along_a] + of[along_b]) / 2, (of[along_a] - of[along_b]) / 2])
         for of in (rows, wanted)
-    ]  # fmt: skip
-    return mixed[0], mixed[1]
+    )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class _System:
-    """Weighted linear equations for the control points (m, 3) of a spline."""
+def _smoothest(
+    basis: SplineBasis,
+    values: Floats,
+    rows: Floats,
+    wanted: Floats,
+    weights: Floats,
+    stiffness: float,
+) -> tuple[Floats, float]:
+    """Control points (m, 3) of a spline, as stiff as the evidence says, and how stiff that is.
 
-    rows: Floats
-    wanted: Floats
-    weights: Floats
+    D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992, as in `fit`.
 
-    @classmethod
-    def of(cls, values: Floats, rows: Floats, wanted: Floats, weights: Floats) -> _System:
-        """Equations `rows` (4, n, 3) for the points `values` (n, m) times the control points."""
-        told = weights > 0
-        at = np.tile(np.arange(len(values)), len(rows))[told]
-        of_points = rows.reshape(-1, 3)[told]
-        whole = (values[at][:, :, None] * of_points[:, None, :]).reshape(len(at), -1)
-        return cls(whole, wanted.ravel()[told], weights[told])
-
-    def residuals(self, control: Floats) -> Floats:
-        """What is left of each equation, px."""
-        return self.wanted - self.rows @ control.ravel()
-
-    def smoothest(self, roughness: Floats, stiffness: float) -> tuple[Floats, float]:
-        """The control points, and the stiffness that the evidence chooses, from another one.
-
-        D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992, as in `fit`.
-        """
-        weighted = self.rows * self.weights[:, None]
-        matrix, side = weighted.T @ self.rows, weighted.T @ self.wanted
-        stiff = np.kron(roughness, np.eye(3))
-        stiffness = stiffness or _STIFF * float(np.trace(matrix) / np.trace(stiff))
-        floor = _FLOOR * float(np.trace(matrix)) / len(matrix) * np.eye(len(matrix))
-        bends = 3 * (len(roughness) - 3)
-        for _ in range(_CHOICES):
-            inverse = np.linalg.inv(matrix + stiffness * stiff + floor)
-            solution = inverse @ side
-            left = self.wanted - self.rows @ solution
-            determined = bends - stiffness * float(np.sum(inverse * stiff))
-            count = max(float(self.weights.sum()) - determined, 1.0)
-            noise = max(float(self.weights @ left**2) / count, _LEAST_PX**2)
-            rough = max(float(solution @ stiff @ solution), 1e-12)
-            stiffness = noise * max(determined, 1.0) / rough
-        return np.asarray(solution.reshape(-1, 3)), stiffness
+    Parameters
+    ----------
+    basis : SplineBasis
+    values : (n, m) array
+        Of the basis, at the n points that `rows` and `wanted` are about.
+    rows, wanted
+        As from `_equations`.
+    weights : (4n,) array
+    stiffness : float
+        To begin with; zero: stiff.
+    """
+    told = weights > 0
+    at = np.tile(np.arange(len(values)), len(rows))[told]
+    whole = values[at][:, :, None] * rows.reshape(-1, 3)[told][:, None, :]
+    whole = whole.reshape(len(at), -1)
+    wanted, weights = wanted.ravel()[told], weights[told]
+    weighted = whole * weights[:, None]
+    matrix, side = weighted.T @ whole, weighted.T @ wanted
+    stiff = np.kron(basis.roughness, np.eye(3))
+    stiffness = stiffness or _STIFF * float(np.trace(matrix) / np.trace(stiff))
+    floor = _FLOOR * float(np.trace(matrix)) / len(matrix) * np.eye(len(matrix))
+    for _ in range(_CHOICES):
+        inverse = np.linalg.inv(matrix + stiffness * stiff + floor)
+        solution = inverse @ side
+        left = wanted - whole @ solution
+        determined = 3 * (basis.count - 3) - stiffness * float(np.sum(inverse * stiff))
+        count = max(float(weights.sum()) - determined, 1.0)
+        noise = max(float(weights @ left**2) / count, _LEAST_PX**2)
+        rough = max(float(solution @ stiff @ solution), 1e-12)
+        stiffness = noise * max(determined, 1.0) / rough
+    return np.asarray(solution.reshape(-1, 3)), stiffness
