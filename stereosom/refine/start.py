@@ -11,7 +11,7 @@ from ..middle_line import middle_line
 from ..middle_line.centering import directions
 from ..observation import Observation
 from ..reconstruction import HardFrame
-from .spline import SplineBasis, spline_basis
+from .spline import ORDER, SplineBasis, spline_basis
 
 # Pieces of the spline that is lifted; the fit refines it.
 _MOST_PIECES = 40
@@ -200,7 +200,7 @@ def _smoothest(
         inverse = np.linalg.inv(matrix + stiffness * stiff + floor)
         solution = inverse @ side
         left = wanted - whole @ solution
-        determined = 3 * (basis.count - 3) - stiffness * float(np.sum(inverse * stiff))
+        determined = 3 * (basis.count - ORDER) - stiffness * float(np.sum(inverse * stiff))
         count = max(float(weights.sum()) - determined, 1.0)
         noise = max(float(weights @ left**2) / count, _LEAST_PX**2)
         rough = max(float(solution @ stiff @ solution), 1e-12)
