@@ -14,7 +14,7 @@ from ..backbone import Backbone
 from ..observation import Observation
 from ..reconstruction import HardFrame
 from .contour import Contour, mask_contour
-from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
+from .fit import FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 from .reach import other_ends
 from .start import first_curve
 
@@ -28,6 +28,8 @@ _TRIES, _BETTER = 4, 0.9
 # A fit that misses so much of its outline, in half widths, or so many of the edges, as a share,
 # may follow something else than the device.
 _MISSED, _STRAY = 6.0, 0.05
+# A piece of spline is so many widths of the device long, within these numbers of pieces.
+_PIECE_WIDTHS, _FEWEST, _MOST = 8.0, 20, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,18 +46,18 @@ class TubeSearch:
         Points of the contours where it does, px.
     radius : float, optional
         Of the device, mm, where it is known.
-    segments : int
-        Pieces of the spline.
+    segments : int, optional
+        Pieces of the spline. Default: by how long and thin the device is.
     """
 
     seen: Observation
     edges: tuple[Contour, Contour]
     at_border: tuple[Floats, Floats]
     radius: float | None
-    segments: int
+    segments: int | None
 
     @classmethod
-    def of(cls, seen: Observation, radius: float | None, segments: int) -> TubeSearch:
+    def of(cls, seen: Observation, radius: float | None, segments: int | None) -> TubeSearch:
         """Find the edges of both masks."""
         contour_a, contour_b = mask_contour(seen.pixels_a), mask_contour(seen.pixels_b)
         cut_a = seen.at_border("a", contour_a.points, _CUT_OFF)
@@ -67,8 +69,8 @@ class TubeSearch:
 
     def anywhere(self) -> TubeFit:
         """Fit from the matched middle lines of both masks."""
-        curve, radius = first_curve(self.seen, self.segments)
-        return self._with_better_ends(self._fit(curve, radius, FROM_AFAR))
+        curve, radius = first_curve(self.seen)
+        return self._with_better_ends(self._fit(curve, radius, FROM_NEAR))
 
     def near(self, start: Backbone) -> TubeFit:
         """Fit from where the device is expected; anywhere, where it does not seem to be there."""
@@ -94,7 +96,7 @@ class TubeSearch:
             radius,
             capped=(not opened[0], not opened[1]),
             radius_known=self.radius is not None,
-            segments=self.segments,
+            segments=self.segments or _pieces(curve, radius),
             gates=gates,
             **details,
         )
@@ -139,6 +141,12 @@ class TubeSearch:
 
 def _cost(fit: TubeFit) -> float:
     return fit.cost
+
+
+def _pieces(curve: Floats, radius: float) -> int:
+    """Pieces of spline for a device along a curve (n, 3): a long thin one may have more bends."""
+    widths = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum()) / (2 * radius)
+    return int(np.clip(widths / _PIECE_WIDTHS, _FEWEST, _MOST))
 
 
 def _misses(fit: TubeFit) -> bool:

@@ -13,8 +13,8 @@ from ..observation import Observation
 from ..reconstruction import HardFrame
 from .spline import ORDER, SplineBasis, spline_basis
 
-# Pieces of the spline that is lifted; the fit refines it.
-_MOST_PIECES = 40
+# Points to a piece of the spline that is lifted, and pieces at least and at most.
+_POINTS_A_PIECE, _PIECES = 5, (20, 40)
 # Rounds of Gauss-Newton, and how often the stiffness is chosen anew in each.
 _ROUNDS, _CHOICES = 2, 2
 # In the first, no point is taken to be nearer or farther than so many times the middle one.
@@ -28,15 +28,13 @@ _STIFF, _FLOOR = 0.1, 1e-10
 _LEAST_PX = 0.1
 
 
-def first_curve(seen: Observation, pieces: int) -> tuple[Floats, float]:
+def first_curve(seen: Observation) -> tuple[Floats, float]:
     """Points (n, 3) along the device, mm, and its radius, mm, from the masks alone.
 
     Parameters
     ----------
     seen : Observation
         Trimmed to the stretch that both views share.
-    pieces : int
-        Of the spline that is fitted to the middle lines.
 
     Raises
     ------
@@ -48,7 +46,7 @@ def first_curve(seen: Observation, pieces: int) -> tuple[Floats, float]:
     matching, points_b = match_lines(rig, line_a.points, line_b.points)
     lines = (line_a.points, points_b)
     try:
-        curve = lift(rig, lines, matching, _real_ends(seen, lines, line_a.width), pieces)
+        curve = lift(rig, lines, matching, _real_ends(seen, lines, line_a.width))
     except (ValueError, np.linalg.LinAlgError) as error:
         raise HardFrame(f"the two views' lines make no curve in space ({error})") from None
     curve = go_on(rig, curve, lines, matching)
@@ -56,7 +54,16 @@ def first_curve(seen: Observation, pieces: int) -> tuple[Floats, float]:
         line.width / 2 * float(camera.pixel_size(curve).mean())
         for line, camera in ((line_a, rig.a), (line_b, rig.b))
     ]
-    return curve, float(np.mean(radii))
+    radius = float(np.mean(radii))
+    return _without_last(curve, radius), radius
+
+
+def _without_last(curve: Floats, length: float) -> Floats:
+    """A curve (n, 3) without so much of it at either end, where a skeleton leans to a corner."""
+    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+    reach = np.concatenate([[0.0], np.cumsum(steps)])
+    inner = (reach >= length) & (reach <= reach[-1] - length)
+    return curve[inner] if np.count_nonzero(inner) > len(curve) // 2 else curve
 
 
 def _real_ends(seen: Observation, lines: tuple[Floats, Floats], width: float) -> tuple[bool, bool]:
@@ -74,7 +81,6 @@ def lift(
     lines: tuple[Floats, Floats],
     matching: Matching,
     real_ends: tuple[bool, bool],
-    pieces: int,
 ) -> Floats:
     """The smooth curve in space whose pictures lie on two matched lines.
 
@@ -90,15 +96,13 @@ def lift(
     matching : Matching
     real_ends : (bool, bool)
         Whether the device ends where the lines begin and stop.
-    pieces : int
-        Of the spline.
 
     Returns
     -------
     (n, 3) array
         Points along the matched stretch, mm.
     """
-    basis = spline_basis(min(pieces, _MOST_PIECES))
+    basis = spline_basis(int(np.clip(len(lines[0]) / _POINTS_A_PIECE, *_PIECES)))
     cameras = (rig.a, rig.b)
     places = (lines[0][matching.in_a], lines[1][matching.in_b])
     headings = (directions(lines[0])[matching.in_a], directions(lines[1])[matching.in_b])
