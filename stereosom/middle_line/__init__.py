@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from ..arrays import Booleans, Floats
 from ..reconstruction import HardFrame
-from .centering import to_ends, to_middle
+from .centering import ALONG, to_ends, to_middle
 from .graph import polyline_length, prune, skeleton_chains
 from .route import longest_route
 from .thinning import thin
@@ -35,6 +35,16 @@ class MiddleLine:
 
     points: Floats
     width: float
+
+    @property
+    def independent(self) -> float:
+        """How much a point tells beside one that errs on its own: neighbors share their pixels.
+
+        A Gaussian mean of white noise is worth 1 in √(4π) σ values; the rounding to pixels
+        cancels better than white noise, and twice as many are taken.
+        """
+        spacing = polyline_length(self.points) / (len(self.points) - 1)
+        return float(min(1.0, spacing / (np.sqrt(np.pi) * ALONG * self.width)))
 
 
 def middle_line(pixels: Floats, count: int | None = None) -> MiddleLine:

@@ -11,7 +11,7 @@ from ..arrays import Floats
 # Pixels farther beside a line than so many widths, or px, belong to something else.
 _BESIDE, _BESIDE_PX = 0.9, 1.2
 # The middle is taken over so many widths along the line (standard deviation).
-_ALONG = 1.5
+ALONG = 1.5
 # An end's heading is that of so many widths before it; pixels as far beyond may belong to it.
 _HEADING = 3.0
 
@@ -58,7 +58,7 @@ def to_middle(line: Floats, pixels: Floats, width: float) -> Floats:
     beside &= np.abs(along) <= max(spacing, 1.0)
     sums = np.bincount(nearest[beside], across[beside], len(line))
     counts = np.bincount(nearest[beside], minlength=len(line)).astype(float)
-    sigma = max(_ALONG * width / max(spacing, 1e-9), 0.5)
+    sigma = max(ALONG * width / max(spacing, 1e-9), 0.5)
     sums, counts = (
         gaussian_filter1d(values, sigma, mode="constant", truncate=3.0) for values in (sums, counts)
     )

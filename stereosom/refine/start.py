@@ -7,9 +7,9 @@ import numpy as np
 from ..arrays import Floats
 from ..camera import Camera, StereoRig, triangulate
 from ..matching import Matching, go_on, match_lines
-from ..middle_line import middle_line
+from ..middle_line import MiddleLine, middle_line
 from ..middle_line.centering import directions
-from ..observation import Observation
+from ..observation import Observation, View
 from ..reconstruction import HardFrame
 from .spline import ORDER, SplineBasis, spline_basis
 
@@ -43,13 +43,18 @@ def first_curve(seen: Observation) -> tuple[Floats, float]:
     """
     rig = seen.rig
     line_a, line_b = middle_line(seen.pixels_a), middle_line(seen.pixels_b)
-    matching, points_b = match_lines(rig, line_a.points, line_b.points)
+    open_a, open_b = _at_border(seen, "a", line_a), _at_border(seen, "b", line_b)
+    matching, points_b = match_lines(rig, line_a.points, line_b.points, open_a, open_b)
+    if not np.array_equal(points_b, line_b.points):
+        open_b = open_b[::-1]
     lines = (line_a.points, points_b)
+    closed = (not (open_a[0] or open_b[0]), not (open_a[1] or open_b[1]))
     try:
-        curve = lift(rig, lines, matching, _real_ends(seen, lines, line_a.width))
+        telling = (line_a.independent, line_b.independent)
+        curve = lift(rig, lines, matching, closed, telling)
     except (ValueError, np.linalg.LinAlgError) as error:
         raise HardFrame(f"the two views' lines make no curve in space ({error})") from None
-    curve = go_on(rig, curve, lines, matching)
+    curve = go_on(rig, curve, lines, matching, closed)
     radii = [
         line.width / 2 * float(camera.pixel_size(curve).mean())
         for line, camera in ((line_a, rig.a), (line_b, rig.b))
@@ -66,21 +71,18 @@ def _without_last(curve: Floats, length: float) -> Floats:
     return curve[inner] if np.count_nonzero(inner) > len(curve) // 2 else curve
 
 
-def _real_ends(seen: Observation, lines: tuple[Floats, Floats], width: float) -> tuple[bool, bool]:
-    """Whether the device ends where both lines do, and not at the border of a view."""
-    inside = [
-        seen.distance_to_border(view, line[[0, -1]]) > 1.5 * width + 3
-        for view, line in zip(("a", "b"), lines, strict=True)
-    ]
-    real = inside[0] & inside[1]
-    return bool(real[0]), bool(real[1])
+def _at_border(seen: Observation, view: View, line: MiddleLine) -> tuple[bool, bool]:
+    """Whether a middle line begins, and stops, at the border of its view."""
+    near = seen.at_border(view, line.points[[0, -1]], 1.5 * line.width + 3)
+    return bool(near[0]), bool(near[1])
 
 
 def lift(
     rig: StereoRig,
     lines: tuple[Floats, Floats],
     matching: Matching,
-    real_ends: tuple[bool, bool],
+    closed: tuple[bool, bool],
+    telling: tuple[float, float] = (1.0, 1.0),
 ) -> Floats:
     """The smooth curve in space whose pictures lie on two matched lines.
 
@@ -94,8 +96,10 @@ def lift(
     lines : pair of (n, 2) arrays
         From end to end, the same way, px.
     matching : Matching
-    real_ends : (bool, bool)
+    closed : (bool, bool)
         Whether the device ends where the lines begin and stop.
+    telling : (float, float)
+        What a place of either line tells, beside one that errs on its own.
 
     Returns
     -------
@@ -117,9 +121,10 @@ def lift(
     along = np.full(len(points), _SLIDING)
     at_ends = np.zeros(len(points))
     for end, place in enumerate((0, -1)):
-        if real_ends[end] and matching.whole[end]:
+        if closed[end] and matching.whole[end]:
             along[place] = at_ends[place] = _AT_ENDS
-    weights = np.concatenate([np.ones(2 * len(points)), along, at_ends])
+    across = np.repeat(telling, len(points))
+    weights = np.concatenate([across, along, at_ends])
     stiffness = 0.0
     for _ in range(_ROUNDS):
         rows, wanted = _equations(cameras, places, headings, points)
