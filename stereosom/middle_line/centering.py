@@ -49,20 +49,20 @@ def to_middle(line: Floats, pixels: Floats, width: float) -> Floats:
     """
     tangents = directions(line)
     normals = np.column_stack([-tangents[:, 1], tangents[:, 0]])
-    spacing = float(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
-    _, nearest = cKDTree(line).query(pixels)
+    spacing = _spacing(line)
+    nearest = np.asarray(cKDTree(line).query(pixels)[1])
     offset = pixels - line[nearest]
     across = np.sum(offset * normals[nearest], axis=1)
     along = np.sum(offset * tangents[nearest], axis=1)
     beside = np.abs(across) <= max(_BESIDE * width, _BESIDE_PX)
     beside &= np.abs(along) <= max(spacing, 1.0)
     sums = np.bincount(nearest[beside], across[beside], len(line))
-    counts = np.bincount(nearest[beside], minlength=len(line)).astype(float)
+    counts = np.bincount(nearest[beside], minlength=len(line))
+    # Both at once: a mean over each stretch.
     sigma = max(ALONG * width / max(spacing, 1e-9), 0.5)
-    sums, counts = (
-        gaussian_filter1d(values, sigma, mode="constant", truncate=3.0) for values in (sums, counts)
-    )
-    return line + (sums / np.maximum(counts, 1e-9))[:, None] * normals
+    both = np.stack([sums, counts]).astype(float)
+    both = gaussian_filter1d(both, sigma, axis=1, mode="constant", truncate=3.0)
+    return np.asarray(line + (both[0] / np.maximum(both[1], 1e-9))[:, None] * normals)
 
 
 def to_ends(line: Floats, pixels: Floats, width: float) -> Floats:
@@ -76,16 +76,20 @@ def to_ends(line: Floats, pixels: Floats, width: float) -> Floats:
     line, pixels, width
         As of `to_middle`.
     """
-    spacing = float(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
-    before = min(max(round(_HEADING * width / max(spacing, 1e-9)), 3), len(line) - 1)
+    before = min(max(round(_HEADING * width / max(_spacing(line), 1e-9)), 3), len(line) - 1)
     line = line.copy()
     for end, inner in ((0, before), (-1, -1 - before)):
         heading = line[end] - line[inner]
         heading /= max(float(np.linalg.norm(heading)), 1e-9)
         offset = pixels - line[end]
         beyond = offset @ heading
-        beside = np.abs(offset @ [-heading[1], heading[0]]) <= max(width, 1.0)
+        beside = np.abs(offset @ [-heading[1], heading[0]]) <= 0.3 * width + 0.5
         beside &= (beyond > -width) & (beyond < _HEADING * width)
         if beside.any():
             line[end] = line[end] + (beyond[beside].max() + 0.5) * heading
     return line
+
+
+def _spacing(line: Floats) -> float:
+    """Mean step of a polyline, px."""
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())

@@ -20,7 +20,7 @@ from .kernels import kernels
 from .look import Look, Tube
 from .reach import seen_stretch
 from .reference import pieces
-from .spline import SplineBasis, spline_basis
+from .spline import spline_basis
 from .uncertainty import covariance_along, noise_variance
 
 # Edges farther from the outline than this, px, in one pass after the other, are no part of it;

@@ -165,11 +165,12 @@ def _equations(
             rows.append(row)
             wanted.append(np.sum(direction * off, axis=1) + np.sum(row * points, axis=1))
     across_a, along_a, across_b, along_b = range(4)
-    return tuple(
+    left, right = (
         np.stack([of[across_a], of[across_b],
                   (of[along_a] + of[along_b]) / 2, (of[along_a] - of[along_b]) / 2])
         for of in (rows, wanted)
     )  # fmt: skip
+    return left, right
 
 
 def _smoothest(
