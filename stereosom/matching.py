@@ -15,7 +15,6 @@ from .reconstruction import HardFrame
 _ONE_SIDED, _UNMATCHED, _BEYOND = 0.5, 25.0, 0.45
 
 _NEITHER = (False, False)
-_SOME = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,28 +149,18 @@ def match_lines(
     focal = (rig.a.focal_length + rig.b.focal_length) / 2
     height_a = rig.epipolar_angle(rig.a, line_a) * focal
     height_b = rig.epipolar_angle(rig.b, line_b) * focal
-    way = _way(height_a, height_b, open_a, open_b)
-    if way < 0:
-        height_b, open_b = height_b[::-1], (open_b[1], open_b[0])
-    matching = match_monotone(height_a, height_b, open_a, open_b)
+    found = []
+    # Where a device enters both views, its ends at the borders belong together.
+    entering = open_a[0] != open_a[1] and open_b[0] != open_b[1]
+    for way, turned_b in ((1, open_b), (-1, (open_b[1], open_b[0]))):
+        if not entering or open_a == turned_b:
+            matching = match_monotone(height_a, height_b[::way], open_a, turned_b)
+            found.append((matching.cost, way, matching))
+    _, way, matching = min(found, key=lambda one: one[0])
     line_b = line_b[::way]
     if len(np.unique(matching.in_a)) < 8 or len(np.unique(matching.in_b)) < 8:
         raise HardFrame("the two views do not show the same device: their lines do not match")
     return matching, line_b
-
-
-def _way(
-    height_a: Floats, height_b: Floats, open_a: tuple[bool, bool], open_b: tuple[bool, bool]
-) -> int:
-    """Whether two lines run the same way (1), or opposite ways (-1)."""
-    if open_a[0] != open_a[1] and open_b[0] != open_b[1]:
-        # Where a device enters both views, its ends at the borders belong together.
-        return 1 if open_a == open_b else -1
-    # Some of the places tell which way is right.
-    few_a, few_b = height_a[::_SOME], height_b[::_SOME]
-    same = match_monotone(few_a, few_b, open_a, open_b)
-    turned = match_monotone(few_a, few_b[::-1], open_a, (open_b[1], open_b[0]))
-    return 1 if same.cost <= turned.cost else -1
 
 
 def space_curve(rig: StereoRig, line_a: Floats, line_b: Floats) -> tuple[Floats, float]:

@@ -14,7 +14,7 @@ from ..backbone import Backbone
 from ..observation import Observation
 from ..reconstruction import HardFrame
 from .contour import Contour, mask_contour
-from .fit import FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
+from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 from .reach import other_ends
 from .start import first_curve
 
@@ -70,7 +70,11 @@ class TubeSearch:
     def anywhere(self) -> TubeFit:
         """Fit from the matched middle lines of both masks."""
         curve, radius = first_curve(self.seen)
-        return self._with_better_ends(self._fit(curve, radius, FROM_NEAR))
+        fit = self._fit(curve, radius, FROM_NEAR)
+        if _doubtful(fit):
+            with suppress(HardFrame):
+                fit = min(fit, self._fit(curve, radius, FROM_AFAR), key=_cost)
+        return self._with_better_ends(fit)
 
     def near(self, start: Backbone) -> TubeFit:
         """Fit from where the device is expected; anywhere, where it does not seem to be there."""
@@ -81,7 +85,7 @@ class TubeSearch:
             with suppress(HardFrame):
                 fit = min(fit, self._fit(curve, radius, FROM_NEAR), key=_cost)
         fit = self._with_better_ends(fit)
-        if _misses(fit) or fit.end_is_odd(0) or fit.end_is_odd(1):
+        if _doubtful(fit):
             with suppress(HardFrame):
                 fit = min(fit, self.anywhere(), key=_cost)
         return fit
@@ -147,6 +151,11 @@ def _pieces(curve: Floats, radius: float) -> int:
     """Pieces of spline for a device along a curve (n, 3): a long thin one may have more bends."""
     widths = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum()) / (2 * radius)
     return int(np.clip(widths / _PIECE_WIDTHS, _FEWEST, _MOST))
+
+
+def _doubtful(fit: TubeFit) -> bool:
+    """Whether a fit misses much of what is seen, or ends where no end is seen."""
+    return _misses(fit) or fit.end_is_odd(0) or fit.end_is_odd(1)
 
 
 def _misses(fit: TubeFit) -> bool:

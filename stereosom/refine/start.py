@@ -24,6 +24,8 @@ _DEPTHS = (0.5, 2.0)
 _AT_ENDS, _SLIDING = 0.5, 0.001
 # Stiffness to begin with, beside what the lines tell; and what holds where they tell nothing.
 _STIFF, _FLOOR = 0.1, 1e-10
+# A line that ends so near to the border of its view, in widths and px, ends because of it.
+_BORDER_WIDTHS, _BORDER_PX = 0.5, 2.0
 # Middle lines are off by this at least, px.
 _LEAST_PX = 0.1
 
@@ -73,7 +75,7 @@ def _without_last(curve: Floats, length: float) -> Floats:
 
 def _at_border(seen: Observation, view: View, line: MiddleLine) -> tuple[bool, bool]:
     """Whether a middle line begins, and stops, at the border of its view."""
-    near = seen.at_border(view, line.points[[0, -1]], 1.5 * line.width + 3)
+    near = seen.at_border(view, line.points[[0, -1]], _BORDER_WIDTHS * line.width + _BORDER_PX)
     return bool(near[0]), bool(near[1])
 
 
