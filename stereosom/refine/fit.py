@@ -21,7 +21,7 @@ from .kernels import kernels
 from .look import Look, Tube
 from .reach import seen_stretch
 from .reference import pieces
-from .spline import SplineBasis, spline_basis
+from .spline import spline_basis
 from .uncertainty import covariance_along, noise_variance
 
 # Edges farther from the outline than this, px, in one pass after the other, are no part of it;
@@ -150,8 +150,9 @@ def fit_tube(
         Where the curve leaves the contours.
     """
     basis = spline_basis(segments)
-    control = basis.control_points(start)
-    stiffness = _ROUGHNESS_PX2 / max(_roughness(basis, control), 1e-12)
+    control = basis.control_points(start, _reach_in_pictures(rig, start))
+    roughness = basis.roughness_like(control)
+    stiffness = _ROUGHNESS_PX2 / max(float(np.sum(control * (roughness @ control))), 1e-12)
     pixel_mm = float(rig.a.pixel_size(start[:1])[0])
     # From afar, some of the edges tell as much as all.
     thinned = (contours[0].where(slice(None, None, 4)), contours[1].where(slice(None, None, 4)))
@@ -166,7 +167,8 @@ def fit_tube(
         if gate == _PLACING:
             tube = Tube.of(basis, control, radius, capped)
             looks = _looks(rig, contours, tube, gate, shown)
-            control = basis.control_points(seen_stretch(rig, contours, tube, looks, gate))
+            stretch = seen_stretch(rig, contours, tube, looks, gate)
+            control = basis.control_points(stretch, _reach_in_pictures(rig, stretch))
         tube = Tube.of(basis, control, radius, capped)
         drawn = contours if gate is None or gate <= _PLACING else thinned
         looks = _looks(rig, drawn, tube, gate, shown)
@@ -179,7 +181,7 @@ def fit_tube(
         caps_turn = gate is None or gate <= _TURNING
         anew = number <= len(gates) and (number or len(gates) > 1)
         moved, grown, farthest, stiffness = kernels().step(
-            basis.values, basis.slopes, basis.first, basis.roughness,
+            basis.values, basis.slopes, basis.first, roughness,
             control, tube.speed, tube.tangents,
             *(look.equations if caps_turn else look.steady_equations for look in looks),
             stiffness, noise_variance(looks) if anew else 0.0, radius_known,
@@ -236,6 +238,14 @@ def _looks(
     return look_a, look_b
 
 
-def _roughness(basis: SplineBasis, control: Floats) -> float:
-    """Sum of squared third differences of control points, mm²."""
-    return float(np.sum(control * (basis.roughness @ control)))
+def _reach_in_pictures(rig: StereoRig, curve: Floats) -> Floats:
+    """Length along a curve (n, 3) up to each point, as the picture shows it that shows more, mm.
+
+    Where the views leave depth open, length in space would count errors of it.
+    """
+    steps = [
+        np.linalg.norm(np.diff(camera.project(curve), axis=0), axis=1)
+        * float(camera.pixel_size(curve).mean())
+        for camera in (rig.a, rig.b)
+    ]
+    return np.concatenate([[0.0], np.cumsum(np.maximum(*steps))])

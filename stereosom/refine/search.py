@@ -11,15 +11,15 @@ import numpy as np
 
 from ..arrays import Floats
 from ..backbone import Backbone
-from ..matching import space_curve
-from ..middle_line import middle_line
 from ..observation import Observation, View
 from ..reconstruction import HardFrame
 from .contour import Contour, mask_contour
 from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 from .reach import other_ends
+from .start import first_curve
 
-_SAMPLES, _ON_TRACK_SAMPLES = 200, 121
+# Points of a curve that a fit begins with.
+_SAMPLES = 121
 # Pixels of a mask this near to the border of the view are cut off there, and show no edge, px.
 _CUT_OFF = 2.5
 # Where steps get smaller than this, px, a fit from afar ends, and one that is followed.
@@ -29,6 +29,8 @@ _TRIES, _BETTER = 4, 0.9
 # A fit that misses so much of its outline, in half widths, or so many of the edges, as a share,
 # may follow something else than the device.
 _MISSED, _STRAY = 6.0, 0.05
+# A piece of spline is so many widths of the device long, within these numbers of pieces.
+_PIECE_WIDTHS, _FEWEST, _MOST = 8.0, 20, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +47,18 @@ class TubeSearch:
         Points of the contours where it does, px.
     radius : float, optional
         Of the device, mm, where it is known.
-    segments : int
-        Pieces of the spline.
+    segments : int, optional
+        Pieces of the spline. Default: by how long and thin the device is.
     """
 
     seen: Observation
     edges: tuple[Contour, Contour]
     at_border: tuple[Floats, Floats]
     radius: float | None
-    segments: int
+    segments: int | None
 
     @classmethod
-    def of(cls, seen: Observation, radius: float | None, segments: int) -> TubeSearch:
+    def of(cls, seen: Observation, radius: float | None, segments: int | None) -> TubeSearch:
         """Find the edges of both masks."""
         edges, at_border = [], []
         views: tuple[tuple[View, Floats], ...] = (("a", seen.pixels_a), ("b", seen.pixels_b))
@@ -69,19 +71,23 @@ class TubeSearch:
 
     def anywhere(self) -> TubeFit:
         """Fit from the matched middle lines of both masks."""
-        curve, radius = _first_curve(self.seen)
-        return self._with_better_ends(self._fit(curve, radius, FROM_AFAR))
+        curve, radius = first_curve(self.seen)
+        fit = self._fit(curve, radius, FROM_NEAR)
+        if _doubtful(fit):
+            with suppress(HardFrame):
+                fit = min(fit, self._fit(curve, radius, FROM_AFAR), key=_cost)
+        return self._with_better_ends(fit)
 
     def near(self, start: Backbone) -> TubeFit:
         """Fit from where the device is expected; anywhere, where it does not seem to be there."""
-        curve = start.polyline(_ON_TRACK_SAMPLES)
+        curve = start.polyline(_SAMPLES)
         radius = _width_radius(self.seen, curve)
         fit = self._fit(curve, radius, ON_TRACK, settled_px=_FOLLOWED_PX)
         if not fit.ends_seen:
             with suppress(HardFrame):
                 fit = min(fit, self._fit(curve, radius, FROM_NEAR), key=_cost)
         fit = self._with_better_ends(fit)
-        if _misses(fit) or any(fit.odd_ends):
+        if _doubtful(fit):
             with suppress(HardFrame):
                 fit = min(fit, self.anywhere(), key=_cost)
         return fit
@@ -96,7 +102,7 @@ class TubeSearch:
             radius,
             capped=(not opened[0], not opened[1]),
             radius_known=self.radius is not None,
-            segments=self.segments,
+            segments=self.segments or _pieces(curve, radius),
             gates=gates,
             **details,
         )
@@ -143,26 +149,23 @@ def _cost(fit: TubeFit) -> float:
     return fit.cost
 
 
+def _pieces(curve: Floats, radius: float) -> int:
+    """Pieces of spline for a device along a curve (n, 3): a long thin one may have more bends."""
+    widths = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum()) / (2 * radius)
+    return int(np.clip(widths / _PIECE_WIDTHS, _FEWEST, _MOST))
+
+
+def _doubtful(fit: TubeFit) -> bool:
+    """Whether a fit misses much of what is seen, or ends where no end is seen."""
+    return _misses(fit) or any(fit.odd_ends)
+
+
 def _misses(fit: TubeFit) -> bool:
     """Whether much of the outline shows no edges, or many edges belong nowhere."""
     missed = sum(look.unseen_px(fit.tube.capped) for look in fit.looks)
     return missed > _MISSED * fit.looks[0].half_width or any(
         look.stray > _STRAY for look in fit.looks
     )
-
-
-def _first_curve(seen: Observation) -> tuple[Floats, float]:
-    """Points (n, 3) along the matched middle lines, mm, and the device's radius, mm."""
-    line_a, line_b = middle_line(seen.pixels_a), middle_line(seen.pixels_b)
-    points, _ = space_curve(seen.rig, line_a.points, line_b.points)
-    radii = [
-        line.width / 2 * float(camera.pixel_size(points).mean())
-        for line, camera in ((line_a, seen.rig.a), (line_b, seen.rig.b))
-    ]
-    try:
-        return Backbone.fit_spline(points, 20).polyline(_SAMPLES), float(np.mean(radii))
-    except (ValueError, np.linalg.LinAlgError) as error:
-        raise HardFrame(f"the two views' lines make no curve in space ({error})") from None
 
 
 def _width_radius(seen: Observation, curve: Floats) -> float:

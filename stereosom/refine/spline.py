@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.ndimage import gaussian_filter1d
 
 from ..arrays import Floats, Integers
 from ..backbone import Backbone
@@ -13,6 +14,11 @@ from ..backbone import Backbone
 DEGREE = 3
 # Samples of the curve a piece: fine enough that an outline between two of them is an arc.
 _SAMPLES_A_PIECE = 6
+# How rough a curve is, is told by differences of this order of its control points.
+ORDER = 2
+# Bends are alike over such a share of a curve (standard deviation); no stretch is taken to be
+# straighter than such a share of the mean.
+_STRETCH, _STRAIGHTEST = 0.05, 0.1
 
 
 class SplineBasis:
@@ -34,7 +40,7 @@ class SplineBasis:
     first : (n,) array
         Of the basis only four in a row are not zero: where they begin.
     roughness : (m, m) array
-        cᵀ roughness c is the sum of squared third differences of control points c.
+        cᵀ roughness c is the sum of squared second differences of control points c.
     """
 
     def __init__(self, segments: int, samples: int = 0) -> None:
@@ -46,8 +52,11 @@ class SplineBasis:
         self.values: Floats = self.at(at)
         self.slopes: Floats = BSpline(self.knots, np.eye(self.count), DEGREE)(at, nu=1)
         self.first: Integers = np.minimum((at * segments).astype(np.int64), segments - 1)
-        third = np.diff(np.eye(self.count), 3, axis=0)
-        self.roughness: Floats = third.T @ third
+        self._differences: Floats = np.diff(np.eye(self.count), ORDER, axis=0)
+        self.roughness: Floats = self._differences.T @ self._differences
+        self._around: Floats = gaussian_filter1d(
+            np.eye(self.count - ORDER), _STRETCH * self.count, axis=0, mode="nearest"
+        )
         self._from_samples: Floats = np.asarray(np.linalg.pinv(self.values), dtype=np.float64)
         for array in (self.knots, self.values, self.slopes, self.first):
             array.setflags(write=False)
@@ -60,12 +69,40 @@ class SplineBasis:
         """Control points (m, 3) of the spline nearest to the samples (n, 3)."""
         return np.asarray(self._from_samples @ samples)
 
-    def control_points(self, polyline: Floats) -> Floats:
-        """Control points (m, 3) that follow a polyline (k, 3) with even speed."""
-        steps = np.sqrt(np.sum((polyline[1:] - polyline[:-1]) ** 2, axis=1))
-        reach = np.concatenate([[0.0], np.cumsum(steps)])
+    def control_points(self, polyline: Floats, reach: Floats | None = None) -> Floats:
+        """Control points (m, 3) that follow a polyline (k, 3) with even speed.
+
+        Parameters
+        ----------
+        polyline : (k, 3) array
+        reach : (k,) array, optional
+            What the speed is measured by: growing along the polyline. Default: its length.
+        """
+        if reach is None:
+            steps = np.sqrt(np.sum((polyline[1:] - polyline[:-1]) ** 2, axis=1))
+            reach = np.concatenate([[0.0], np.cumsum(steps)])
         even = reach[-1] / (self.samples - 1) * np.arange(self.samples)
         return self.through(np.column_stack([np.interp(even, reach, axis) for axis in polyline.T]))
+
+    def roughness_like(self, control: Floats) -> Floats:
+        """A measure (m, m) like `roughness` that allows bends where a curve has them already.
+
+        Each difference counts as the inverse of what it is on the mean over a stretch around.
+        Depth is not seen as well as the picture is: there, too, a device is straight where its
+        picture is straight, and bends where that bends.
+
+        Parameters
+        ----------
+        control : (m, 3) array
+            Of a curve near to the one that is sought.
+        """
+        squares = np.sum((self._differences @ control) ** 2, axis=1)
+        around = self._around @ squares
+        mean = float(squares.mean())
+        if not mean > 0:
+            return self.roughness
+        allowed = np.maximum(around / mean, _STRAIGHTEST)
+        return np.asarray(self._differences.T @ (self._differences / allowed[:, None]))
 
     def backbone(self, control: Floats) -> Backbone:
         """The curve of control points (m, 3)."""

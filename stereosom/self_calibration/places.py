@@ -55,18 +55,8 @@ def _line(seen: Observation, view: View) -> Line:
     if len(pixels) == 0:
         raise HardFrame(f"view {view} saw nothing")
     line = middle_line(pixels)
-    points, width = line.points, line.width
-    ends = []
-    for outermost in (points, points[::-1]):
-        # The line ends about half a width early: go straight on to the end of the mask.
-        inner = outermost[np.argmax(np.linalg.norm(outermost - outermost[0], axis=1) > 2 * width)]
-        heading = (outermost[0] - inner) / max(float(np.linalg.norm(outermost[0] - inner)), 1e-9)
-        along = (pixels - outermost[0]) @ heading
-        across = np.abs((pixels - outermost[0]) @ [-heading[1], heading[0]])
-        beyond = along[(along > 0) & (along < 2 * width) & (across < 0.3 * width + 0.5)]
-        ends.append(outermost[0] + (float(beyond.max()) if len(beyond) else 0.0) * heading)
-    free = seen.distance_to_border(view, np.array(ends)) > max(3.0, width)
-    return Line(np.vstack([ends[0], points, ends[1]]), free, width)
+    free = seen.distance_to_border(view, line.points[[0, -1]]) > max(3.0, line.width)
+    return Line(line.points, free, line.width)
 
 
 def all_places(rigs: list[StereoRig], frames: list[Frame]) -> Places:

@@ -231,7 +231,7 @@ def _matched(rig: StereoRig, along: EndView, beside: EndView, trusted: int) -> _
         rig.epipolar_angle(view.camera, view.line[::thin]) * view.camera.focal_length
         for view in (along, beside)
     ]
-    matching = match_monotone(*angle)
+    matching = match_monotone(angle[0], angle[1])
     far = max(0, trusted - round((BACK + FOLD) * along.radius))
     known = (matching.in_a * thin >= far) & (matching.in_a * thin <= trusted)
     in_along, in_beside = matching.in_a[known] * thin, matching.in_b[known] * thin

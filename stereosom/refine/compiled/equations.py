@@ -6,6 +6,7 @@ import numpy as np
 
 from ..reference.equations import FLOOR, HELD, SLIDING
 from ..reference.outline import CAP_POINTS
+from ..spline import ORDER
 from . import band
 from .noise import rounding
 from .numba_options import compiled
@@ -54,7 +55,7 @@ def step(  # type: ignore[no-untyped-def]
                 for axis in range(3):
                     rough += twice * control[j, axis] * roughness[j, k] * control[k, axis]
                     undetermined += twice * roughness[j, k] * inverse[3 * j + axis, 3 * (j - k)]
-        directions = max(3.0 * (m - 3) - stiffness * undetermined, 1.0)
+        directions = max(3.0 * (m - ORDER) - stiffness * undetermined, 1.0)
         stiffness = min(max(noise * directions / max(rough, 1e-12), 1e-9), 1e6)
     _stiffen(matrix, roughness, stiffness)
     for j in range(m):

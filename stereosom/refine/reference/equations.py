@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...arrays import Floats, Integers
+from ..spline import ORDER
 from .noise import rounding
 from .outline import owners
 
@@ -137,7 +138,7 @@ def step(
         inverse = np.linalg.inv(_held(matrix, roughness, stiffness))[:-1, :-1]
         blocks = sum(inverse[axis::3, axis::3] for axis in range(3))
         undetermined = stiffness * float(np.sum(blocks * roughness))
-        directions = max(3.0 * (m - 3) - undetermined, 1.0)
+        directions = max(3.0 * (m - ORDER) - undetermined, 1.0)
         stiffness = float(np.clip(noise * directions / max(rough, 1e-12), 1e-9, 1e6))
     held = _held(matrix, roughness, stiffness)
     side[:-1] -= stiffness * (roughness @ control).ravel()
