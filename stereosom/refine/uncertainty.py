@@ -22,12 +22,11 @@ def covariance_along(tube: Tube, looks: tuple[Look, Look], radius_known: bool) -
     n = len(tube.curve)
     basis = spline_basis(_PIECES, n)
     look_a, look_b = looks
-    noise, least = noise_variance(looks), (look_a.noise + look_b.noise) / 2
     found: Floats = kernels().covariance(
         basis.values, basis.slopes, basis.first, tube.speed,
         (look_a.picture, look_a.normals), (look_b.picture, look_b.normals),
         look_a.equations, look_b.equations,
-        max(n // _PIECES, 1), noise, min(least, noise), tube.length, radius_known,
+        max(n // _PIECES, 1), noise_variance(looks), tube.length, radius_known,
     )  # fmt: skip
     return found
 

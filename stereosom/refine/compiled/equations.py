@@ -95,30 +95,21 @@ def step(  # type: ignore[no-untyped-def]
 @compiled
 def covariance(  # type: ignore[no-untyped-def]
     values, slopes, first, speed, outline_a, outline_b, view_a, view_b,
-    together, noise, least, length, radius_known,
+    together, noise, length, radius_known,
 ):  # fmt: skip
     """As `reference.covariance`."""
     n, m = values.shape
     matrix, column, side = np.zeros((3 * m, band.WIDTH)), np.zeros(3 * m), np.zeros(3 * m + 1)
     corner = noise / length**2 + (HELD if radius_known else 0.0)
     matrix[:, 0] += noise / length**2
-    rounded_a = rounding(outline_a[0], outline_a[1], view_a[3], n, together)
-    rounded_b = rounding(outline_b[0], outline_b[1], view_b[3], n, together)
-    rounded, weights = 0.0, 0.0
-    for k in range(2 * n):
-        rounded += view_a[3][k] * rounded_a[k] + view_b[3][k] * rounded_b[k]
-        weights += view_a[3][k] + view_b[3][k]
-    own = max(noise - rounded / max(weights, 1e-9), least)
-    for outline, view, shared in (
-        (outline_a, view_a, rounded_a),
-        (outline_b, view_b, rounded_b),
-    ):
-        normals = outline[1]
+    for outline, view in ((outline_a, view_a), (outline_b, view_b)):
+        picture, normals = outline
         pull, turn, grow, weight, total = view
+        shared = rounding(picture, normals, weight, n, together)
         telling = np.empty(len(weight))
         for k in range(len(weight)):
             crossings = abs(normals[k, 0]) + abs(normals[k, 1])
-            telling[k] = weight[k] / crossings * noise / (own + shared[k])
+            telling[k] = weight[k] / crossings * noise / (noise + shared[k])
         told = (pull, turn, grow, telling, total)
         corner += _gather(values, slopes, first, speed, told, matrix, column, side)
     band.factor(matrix)

@@ -176,7 +176,6 @@ def covariance(
     view_b: View,
     together: int,
     noise: float,
-    least: float,
     length: float,
     radius_known: bool,
 ) -> Floats:
@@ -195,25 +194,21 @@ def covariance(
     together : int
         As of `rounding`.
     noise : float
-        Variance of a residual, px², as far as rows of neighbors tell.
-    least : float
-        That of a residual that is like no other.
+        Variance of a residual, px².
     length : float
         Of the curve, mm. No point is farther off than that.
     radius_known : bool
     """
     m = values.shape[1]
     matrix = np.zeros((3 * m + 1, 3 * m + 1))
-    views = ((outline_a, view_a), (outline_b, view_b))
-    shared = [rounding(*outline, view[3], len(values), together) for outline, view in views]
-    rims = np.array([view[3][: 2 * len(values)] for _, view in views])
-    of_rims = np.array([one[: 2 * len(values)] for one in shared])
-    # The rounding that neighbors share is in what rows of them tell: it must not count twice.
-    own = max(noise - float((rims * of_rims).sum() / max(rims.sum(), 1e-9)), least)
-    for ((_, normals), (pull, turn, grow, weight, _)), rounded in zip(views, shared, strict=True):
+    for (picture, normals), (pull, turn, grow, weight, _) in (
+        (outline_a, view_a),
+        (outline_b, view_b),
+    ):
         # Where an edge runs aslant, one pixel of it is crossed by a row and by a column at once.
         crossings = np.abs(normals).sum(axis=1)
-        telling = weight / crossings * noise / (own + rounded)
+        shared = rounding(picture, normals, weight, len(values), together)
+        telling = weight / crossings * noise / (noise + shared)
         matrix += assemble(values, slopes, speed, pull, turn, grow, telling, 0.0 * telling)[0]
     matrix[np.diag_indices_from(matrix)] += noise / length**2
     if radius_known:
