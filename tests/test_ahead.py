@@ -10,6 +10,7 @@ import pytest
 
 from stereosom_plugin.ahead import ahead
 from stereosom_plugin.errors import InputError
+from stereosom_plugin.run import _again
 
 
 def test_the_same_comes_in_the_same_order():
@@ -64,3 +65,10 @@ def test_it_ends_with_its_taker_and_never_runs_far_ahead(tmp_path):
     made.close()
     assert multiprocessing.active_children() == []
     assert log.stat().st_size < 5
+
+
+def test_a_run_that_goes_on_makes_its_last_frames_again():
+    assert _again(range(8), {0, 1, 2, 3, 4}, [5, 6, 7]) == [2, 3, 4]
+    assert _again(range(8), {0}, list(range(1, 8))) == [0]
+    assert _again(range(8), set(), list(range(8))) == []
+    assert _again(range(8), set(range(8)), []) == []

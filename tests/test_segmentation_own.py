@@ -9,6 +9,7 @@ import pytest
 from scipy import ndimage
 
 from stereosom_plugin.cli import main
+from stereosom_plugin.commands.drawing import Results
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.segmentation import outline, segment_xray
 from stereosom_plugin.segmentation.own import load_segmenter
@@ -143,3 +144,19 @@ def test_outline_goes_around_the_mask():
     assert (hole[0] == hole[-1]).all()
     assert outline(np.zeros((4, 4))) == []
     assert outlined(PICTURE, TRUTH).shape == (70, 90, 3)
+
+
+def test_an_outline_is_drawn_with_the_segmenter_of_the_run(sample, tmp_path, monkeypatch):
+    lines = "from stereosom_plugin.segmentation import segment_xray\n"
+    lines += "def mine(image):\n    return segment_xray(image)\n"
+    (tmp_path / "my_tube.py").write_text(lines)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "my_tube", raising=False)
+    call = ["fluoroscopy", str(sample), "--output", "out", "--frames", "0:1", "--quiet"]
+    assert main([*call, "--segmenter", "my_tube:mine"]) == 0
+    found = Results(tmp_path / "out").segmenter()
+    assert (found(PICTURE) == segment_xray(PICTURE)).all()
+    (tmp_path / "my_tube.py").unlink()
+    sys.modules.pop("my_tube")
+    with pytest.raises(InputError, match="cannot be imported"):
+        Results(tmp_path / "out").segmenter()

@@ -84,6 +84,20 @@ def log_at(picture: Gray, places: Floats) -> Gray:
     return np.asarray(np.log(np.maximum(light, darkest(picture))))
 
 
+def median(values: npt.NDArray[Any], axis: int) -> npt.NDArray[Any]:
+    """Median along an axis of finite numbers: numpy's looks for others first, and takes longer.
+
+    Examples
+    --------
+    >>> median(np.array([[3, 1, 2, 9], [1, 1, 1, 5]]), axis=1).tolist()
+    [2.5, 1.0]
+    """
+    count = values.shape[axis]
+    low, high = (count - 1) // 2, count // 2
+    parted = np.partition(values, [low, high], axis=axis)
+    return np.asarray((parted.take(low, axis) + parted.take(high, axis)) / 2)
+
+
 def darkest(picture: Gray) -> float:
     """Least light that is told from none, in the picture's values."""
     return max(LEAST_LIGHT * float(picture[::4, ::4].max(initial=0)), 1e-6)

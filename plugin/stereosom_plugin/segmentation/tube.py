@@ -15,7 +15,7 @@ from scipy.special import ndtr
 
 from stereosom.arrays import Floats
 
-from .picture import Gray, Mask, log_at
+from .picture import Gray, Mask, log_at, median
 
 # Steps along and across the straightened picture, px.
 ALONG, ACROSS = 1.0, 0.5
@@ -212,7 +212,7 @@ def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Flo
     sides = []
     beyond = int(np.floor((far - near) / ACROSS)) + 1
     for beside in (straight[:, :beyond], straight[:, -beyond:]):
-        level = np.median(beside, axis=1)
+        level = median(beside, axis=1)
         sides.append(ndimage.gaussian_filter1d(ndimage.median_filter(level, 5), 1.5))
     middle = (near + far) / 2
     share = (across + middle) / (2 * middle)
@@ -222,7 +222,7 @@ def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Flo
 
 def _half_width(darkness: Floats, across: Floats) -> float:
     """Half of the width within which more than half of the greatest absorption lies, px."""
-    profile = ndimage.gaussian_filter1d(np.median(darkness, axis=0), 1.0)
+    profile = ndimage.gaussian_filter1d(median(darkness, axis=0), 1.0)
     wide = profile > 0.4 * profile.max()
     return max(0.5 * ACROSS * float(wide.sum()), 1.0)
 
@@ -268,7 +268,7 @@ def _end(darkness: Floats, across: Floats, half: float, enters: bool, grown: flo
     if enters:
         return float(last - REACH)
     core = np.abs(across) <= max(0.6 * half, ACROSS)
-    taken = 1 - np.exp(-np.median(darkness[:, core], axis=1))
+    taken = 1 - np.exp(-median(darkness[:, core], axis=1))
     smooth = ndimage.gaussian_filter1d(taken, 0.8)
     usual = float(np.median(smooth[REACH:-REACH]))
     present = smooth >= (END_SHARE if grown < MOST_GROWTH else AS_DARK) * usual
@@ -296,7 +296,7 @@ def _profile(
     """Radius along the device (n,), absorption on the axis, and blur, of what fits best."""
     near = np.abs(across) < half + 3
     place, darkness = across[near], darkness[:, near]
-    taken = 1 - np.exp(-np.median(darkness, axis=0))
+    taken = 1 - np.exp(-median(darkness, axis=0))
     most = float(np.clip(taken.max(), 0.02, 0.98))
     # Radius, absorption, blur, center: the blur is known beforehand, to some degree or wholly.
     found = np.array([max(half, 0.6), -np.log(1 - most), blur or BLUR, 0.0])
@@ -319,7 +319,7 @@ def _profile(
     radii = np.full(len(darkness), radius)
     if stretches >= 3:
         rows = np.array_split(np.arange(len(darkness)), stretches)
-        parts = 1 - np.exp(-np.stack([np.median(darkness[row], axis=0) for row in rows]))
+        parts = 1 - np.exp(-np.stack([median(darkness[row], axis=0) for row in rows]))
         model, slopes = _with_slopes(place, found)
         change = np.linalg.lstsq(slopes[:, [0, 1, 3]], (parts - model).T, rcond=None)[0][0]
         places = np.array([row.mean() for row in rows])
