@@ -16,6 +16,9 @@ _End = tuple[int, bool]
 
 # Ways into a crossing that turn by more than this, rad, are no continuation of each other.
 _SHARPEST_TURN = 2.0
+# So many widths long is what two strands that cross share; where three ways meet at either end
+# of it, and not four, they cross at a small angle and share more.
+_MERGED, _MERGED_LONG = 2.5, 6.0
 # Gaps up to this many widths are bridged, where the turns in all are no more than this, rad.
 _WIDEST_GAP, _STRAIGHT_ON = 8.0, 1.2
 # Over a short gap, in widths, such as a hole in the mask leaves, it may turn as far as this.
@@ -73,7 +76,8 @@ def _merge_crossings(chains: list[Chain], width: float) -> list[Chain]:
     kept = []
     for chain in chains:
         inner = degree[chain.start] > 2 and degree[chain.stop] > 2 and chain.start != chain.stop
-        if inner and chain.length < 2.5 * width:
+        threefold = degree[chain.start] == degree[chain.stop] == 3
+        if inner and chain.length < (_MERGED_LONG if threefold else _MERGED) * width:
             if merged(chain.start) != merged(chain.stop):
                 same[merged(chain.start)] = merged(chain.stop)
         else:
