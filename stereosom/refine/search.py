@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..backbone import Backbone
+from ..depth_sweep import sweep_depth
 from ..matching import space_curve
 from ..middle_line import middle_line
 from ..observation import Observation, View
@@ -67,10 +68,23 @@ class TubeSearch:
             edges.append(contour.where(~cut) if len(at_border[-1]) else contour)
         return cls(seen, (edges[0], edges[1]), (at_border[0], at_border[1]), radius, segments)
 
-    def anywhere(self) -> TubeFit:
-        """Fit from the matched middle lines of both masks."""
-        curve, radius = _first_curve(self.seen)
-        return self._with_better_ends(self._fit(curve, radius, FROM_AFAR))
+    def anywhere(self, first: Floats | None = None) -> TubeFit:
+        """Fit from the matched middle lines of both masks, or from a first curve, (n, 3) mm.
+
+        Of the two, where both are given, the better one.
+        """
+        fits, refused = [], None
+        if first is not None:
+            with suppress(HardFrame):
+                fits.append(self._fit(first, _width_radius(self.seen, first), FROM_AFAR))
+        try:
+            curve, radius = _first_curve(self.seen)
+            fits.append(self._fit(curve, radius, FROM_AFAR))
+        except HardFrame as error:
+            refused = error
+        if not fits:
+            raise refused or HardFrame("the two views do not show the same device")
+        return self._with_better_ends(min(fits, key=_cost))
 
     def near(self, start: Backbone) -> TubeFit:
         """Fit from where the device is expected; anywhere, where it does not seem to be there."""
@@ -149,6 +163,13 @@ def _misses(fit: TubeFit) -> bool:
     return missed > _MISSED * fit.looks[0].half_width or any(
         look.stray > _STRAY for look in fit.looks
     )
+
+
+def swept_curve(seen: Observation) -> Floats:
+    """Points (n, 3) along the line that view a sees, by a sweep over its depth, mm."""
+    assert seen.field_of_view is not None
+    lines = middle_line(seen.pixels_a).points, middle_line(seen.pixels_b).points
+    return sweep_depth(seen.rig, lines, seen.field_of_view)
 
 
 def _first_curve(seen: Observation) -> tuple[Floats, float]:
