@@ -97,7 +97,9 @@ class TubeSearch:
         fit = self._with_better_ends(fit)
         if _misses(fit) or any(fit.odd_ends):
             with suppress(HardFrame):
-                fit = min(fit, self.anywhere(), key=_cost)
+                other = self.anywhere(curve)
+                # As good a fit elsewhere is no reason to leave what was followed.
+                fit = other if other.cost < _BETTER * fit.cost else fit
         return fit
 
     def _fit(self, curve: Floats, radius: float, gates: Sequence[float], **details: Any) -> TubeFit:

@@ -23,6 +23,13 @@ _SIDE, _BEYOND, _GAP = 2.0, 2.5, 6.0
 _ROW = 1 / 8  # from row to row of a straightened picture
 _STEEPEST = 2  # columns that the middle may move by from row to row
 _SMOOTH = 0.7  # along an edge
+# Of a round end, and of the body before it that tells how an edge runs.
+_ROUND, _BODY = 0.6, 2.0
+_RUN = 1.0  # along the run of the line and of an edge
+_EDGE = 0.14  # to either side of an edge, where its colors are looked up
+# An edge that is farther from its run than this, px and in widths, strays; how sure an edge must
+# be to depart from its run.
+_STRAYS_PX, _STRAYS, _BRIDGED = 0.6, 0.02, 0.1
 # Fewer widths of length are no device; rows that are less like it than this are gaps.
 _SHORTEST, _LEAST_LIKE = 3.0, 0.1
 # A device that is less like itself than this on the mean has been lost.
@@ -123,7 +130,7 @@ def _even(line: Floats, width: float, size: Floats) -> tuple[Floats, Floats]:
     reach = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     at = np.linspace(0, reach[-1], max(int(reach[-1] / step), 8))
     even = np.column_stack([np.interp(at, reach, axis) for axis in line.T])
-    even = _smooth(even, _SMOOTH * width / step)
+    even = _smooth(even, _RUN * width / step)
     tail = min(max(int(width / step), 2), len(even) - 1)
     ahead = step * np.arange(1, int(_BEYOND * width / step) + 1)[:, None]
     ends = []
@@ -205,7 +212,7 @@ def _fine_edge(
     width: float, weight: Any,
 ) -> Floats:  # fmt: skip
     """Where the color has gone half the way from inside to outside, (rows,), from the line."""
-    reach = max(2.5, 0.22 * width)
+    reach = max(2.5, _EDGE * width)
     across = np.linspace(-reach, reach, 21)
     place = line[:, None] + (rough[:, None] + side * across)[..., None] * normal[:, None]
     profile = sample(picture, place[..., 0], place[..., 1]).astype(np.float32)
@@ -220,13 +227,25 @@ def _fine_edge(
     contrast = np.sqrt((way**2).sum(axis=1))
     sure = weight * np.minimum(contrast / 25, 1) ** 2 + 1e-6
     shift = np.where(np.abs(shift) < reach, shift, 0)
-    edge = rough + side * shift
-    sigma = _SMOOTH / _ROW
-    for _ in range(2):  # what lies far off counts less
-        smooth = _smooth(edge * sure, sigma) / _smooth(sure, sigma)
-        off = np.abs(edge - smooth)
-        sure = sure / (1 + (off / max(1.0, 0.03 * width)) ** 2)
-    return np.asarray(_smooth(edge * sure, sigma) / _smooth(sure, sigma))
+    edge = _to_flat_ends(rough + side * shift, sure)
+    # What departs from the run of the edge is a glare or a vessel beside it: bridged.
+    for _ in range(3):
+        run = _weighted(edge, sure, _RUN / _ROW)
+        sure = sure / (1 + ((edge - run) / max(_STRAYS_PX, _STRAYS * width)) ** 2)
+    return np.asarray(run + _weighted(edge - run, sure, _SMOOTH / _ROW, _BRIDGED))
+
+
+def _to_flat_ends(edge: Floats, sure: Floats) -> Floats:
+    """An edge that goes straight on where a round end bends it inwards."""
+    row = np.arange(len(edge))
+    seen = np.flatnonzero(sure > 1e-3)
+    for end, inward in ((seen[0], 1), (seen[-1], -1)) if len(seen) else ():
+        distance = inward * (row - end) * _ROW
+        body = (distance >= _ROUND) & (distance < _ROUND + _BODY)
+        if sure[body].sum() > 1e-3 and body.sum() > 4:
+            way = np.polynomial.Polynomial.fit(row[body], edge[body], 1, w=np.sqrt(sure[body]))
+            edge = np.where(distance < _ROUND, way(row), edge)
+    return edge
 
 
 def sample(picture: Any, x: Floats, y: Floats) -> Any:
@@ -240,7 +259,20 @@ def sample(picture: Any, x: Floats, y: Floats) -> Any:
 
 
 def _smooth(values: Floats, sigma: float) -> Floats:
-    return np.asarray(ndimage.gaussian_filter1d(values, sigma, axis=0, mode="nearest"))
+    """A mean along the first axis that neither shortens a line nor turns its ends."""
+    return _weighted(values, np.ones(len(values)), sigma)
+
+
+def _weighted(values: Floats, weights: Floats, sigma: float, more: float = 0.0) -> Floats:
+    """The same with weights; `more` of them at zero."""
+    margin = min(int(3 * sigma) + 1, len(values) - 1)
+    flat = np.reshape(values, (len(values), -1))
+    flat = np.pad(flat, ((margin, margin), (0, 0)), mode="reflect", reflect_type="odd")
+    weight = np.pad(weights, margin, mode="reflect")[:, None]
+    over = ndimage.gaussian_filter1d(flat * weight, sigma, axis=0, truncate=3)
+    under = ndimage.gaussian_filter1d(weight, sigma, axis=0, truncate=3)
+    inner = slice(margin, len(flat) - margin)
+    return np.asarray((over / (under + more))[inner].reshape(np.shape(values)))
 
 
 def _fill(cv2: Any, drawn: Any, outline: Floats) -> None:
