@@ -36,7 +36,7 @@ def plain_background(picture: Light) -> Light:
     return np.asarray(whole.reshape(rows, columns, channels))
 
 
-def difference(picture: Light, background: Light) -> Light:
+def difference(picture: Light, background: Light, *, shadows: bool = True) -> Light:
     """Largest difference over the colors, (rows, columns), 0 to 1; shadows make none.
 
     The background is brought to the picture's exposure first, each color by the median quotient.
@@ -44,6 +44,8 @@ def difference(picture: Light, background: Light) -> Light:
     Parameters
     ----------
     picture, background : (rows, columns, channels) array
+    shadows : bool
+        Whether shadows are looked for.
 
     Raises
     ------
@@ -74,7 +76,7 @@ def difference(picture: Light, background: Light) -> Light:
         gain = np.where((gain > 0.5) & (gain < 2), gain, 1).astype(np.float32)
     expected = background * gain
     apart = np.abs(picture - expected).max(axis=2)
-    if picture.shape[2] == 3:
+    if shadows and picture.shape[2] == 3:
         quotient = (picture + 0.02) / (expected + 0.02)
         darkest, brightest = quotient.min(axis=2), quotient.max(axis=2)
         shadow = (darkest > DEEPEST_SHADOW) & (brightest < 1) & (brightest - darkest < ALIKE)

@@ -73,17 +73,20 @@ class Before:
 
     def learned(self, picture: Light, mask: Mask) -> Evidence:
         """As `Finder.learned`."""
-        by_color = color_evidence(DeviceColor(picture, mask))
+        color = DeviceColor(picture, mask)
         if self.background is None:
-            return by_color
+            return color_evidence(color)
         background = self.background
-        typical = float(np.median(difference(picture, background)[mask]))
 
         def both(picture: Any, x: Floats, y: Floats) -> Floats:
-            seen = light(sample(picture, x, y))
-            apart = difference(seen, sample(background, x, y))
-            differs = np.clip(2 * apart / max(typical, 1e-3) - 1, -1, 1)
-            return np.asarray((differs + by_color(picture, x, y)) / 2)
+            seen, behind = light(sample(picture, x, y)), sample(background, x, y)
+            # Where a thin line goes on, it is no shadow.
+            differs = np.clip(difference(seen, behind, shadows=False) / LEAST - 1, -1, 1)
+            # Before what has its own color, a device may make no difference, and its color proves
+            # none: a difference alone is evidence there.
+            alike = np.clip(_likeness(color, behind), 0, 1)
+            both_say = (differs + _likeness(color, seen)) / 2
+            return np.asarray((1 - alike) * both_say + alike * np.maximum(differs, 0))
 
         return both
 
@@ -94,9 +97,14 @@ def color_evidence(color: DeviceColor | None) -> Evidence:
     def evidence(picture: Any, x: Floats, y: Floats) -> Floats:
         if color is None:
             return np.zeros(x.shape)
-        return np.asarray(np.clip(color(light(sample(picture, x, y))) / VERY_LIKELY, -1, 1))
+        return _likeness(color, light(sample(picture, x, y)))
 
     return evidence
+
+
+def _likeness(color: DeviceColor, seen: Light) -> Floats:
+    """From -1, surely something else, to 1, surely the device."""
+    return np.asarray(np.clip(color(seen) / VERY_LIKELY, -1, 1))
 
 
 def _of_color(color: DeviceColor, picture: Light, width_px: float | None) -> Mask:

@@ -19,8 +19,9 @@ from .finding import Before, ByColor, Finder
 from .frame import as_bytes, light
 from .ribbon import Evidence, Ribbon, trace
 
-# A whole search learns the device's color so often, from what it found the time before.
-_LEARNED = 2
+# A whole search learns the device's color anew, from what it found the time before, so often at
+# most, and as long as what is found becomes longer by more than this.
+_LEARNED, _LONGER = 6, 1.01
 # A narrower device has edges that are not told apart by straightening it, px.
 _NARROW_PX = 4.0
 # Share of its length and width that a device keeps from one frame to the next.
@@ -137,20 +138,28 @@ class _Eye:
         picture, seen = as_bytes(image), light(image)
         mask, evidence = self.finder.whole(seen)
         self.last = None
-        for _ in range(_LEARNED):
-            try:
-                pixels = np.argwhere(mask)[:, ::-1].astype(float)
-                line = middle_line(pixels)
-            except ValueError:  # holds no line: what was found is left as it is
-                return mask
-            if line.width < _NARROW_PX or _meets_itself(line.points, line.width):
-                return mask
-            ribbon = trace(picture, line.points, line.width, evidence)
+        try:
+            found = middle_line(np.argwhere(mask)[:, ::-1].astype(float))
+        except ValueError:  # holds no line: what was found is left as it is
+            return mask
+        if found.width < _NARROW_PX or _meets_itself(found.points, found.width):
+            return mask
+        line, width = found.points, found.width
+        for number in range(_LEARNED):
+            ribbon = trace(picture, line, width, evidence)
             if ribbon is None:
                 return mask
+            longer = _length(ribbon.middle) > _LONGER * _length(line)
             self.last, mask = ribbon, ribbon.mask(picture.shape)
+            line, width = ribbon.middle[ribbon.seen], ribbon.width
             evidence = self.evidence = self.finder.learned(seen, mask)
+            if not longer and number:
+                break
         return mask
+
+
+def _length(line: Floats) -> float:
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
 def _goes_on(before: Ribbon, now: Ribbon) -> bool:
