@@ -65,9 +65,8 @@ class Ribbon:
         number = np.flatnonzero(self.seen)
         for run in np.split(number, np.flatnonzero(np.diff(number) > 1) + 1):
             if len(run) > 1:
-                outline = np.vstack([left[run], right[run][::-1]])
-                # The drawing function adds half a pixel on every side.
-                _fill(cv2, drawn, outline)
+                rims = [_half_a_row_longer(edge[run]) for edge in (left, right)]
+                _fill(cv2, drawn, np.vstack([rims[0], rims[1][::-1]]))
         return drawn > 0
 
 
@@ -273,6 +272,12 @@ def _weighted(values: Floats, weights: Floats, sigma: float, more: float = 0.0) 
     under = ndimage.gaussian_filter1d(weight, sigma, axis=0, truncate=3)
     inner = slice(margin, len(flat) - margin)
     return np.asarray((over / (under + more))[inner].reshape(np.shape(values)))
+
+
+def _half_a_row_longer(edge: Floats) -> Floats:
+    """Rows are known at their middles; the device reaches from the first's begin to the last's end."""
+    before, after = 1.5 * edge[0] - 0.5 * edge[1], 1.5 * edge[-1] - 0.5 * edge[-2]
+    return np.vstack([before, edge, after])
 
 
 def _fill(cv2: Any, drawn: Any, outline: Floats) -> None:
