@@ -59,12 +59,16 @@ def trim_along(observation: Observation, curve: Floats) -> Observation:
     for seen, field, way in zip(
         (observation.pixels_a, observation.pixels_b), observation.field_of_view, shown, strict=True
     ):
-        nearest = cKDTree(way).query(seen)[1] if len(seen) else np.empty(0, dtype=np.intp)
-        kept = seen[(nearest >= first) & (nearest <= last)]
+        tree, kept = cKDTree(way), seen
         for end, inward in ((first, 1), (last, -1)):
-            if 0 < end < len(way) - 1:
+            if 0 < end < len(way) - 1 and len(kept):
                 heading = inward * (way[end + 1] - way[end - 1])
                 line = np.append(heading, -heading @ way[end])
+                beyond = kept @ line[:2] + line[2] < 0
+                at = tree.query(kept[beyond])[1]
+                beyond[beyond] = at < first if end == first else at > last
+                kept = kept[~beyond]
+                # A device that comes back from beyond is not cut there.
                 if np.mean(kept @ line[:2] + line[2] < 0) < _BEYOND_CUT:
                     kept = kept[kept @ line[:2] + line[2] >= 0]
                     field = clipped(field, line)

@@ -26,6 +26,7 @@ _SMOOTH = 0.7  # along an edge
 # Of a round end, and of the body before it that tells how an edge runs.
 _ROUND, _BODY = 0.6, 2.0
 _RUN = 1.0  # along the run of the line and of an edge
+_END = 0.75  # to either side of an end, likewise
 _EDGE = 0.14  # to either side of an edge, where its colors are looked up
 # An edge that is farther from its run than this, px and in widths, strays; how sure an edge must
 # be to depart from its run.
@@ -106,6 +107,8 @@ def trace(picture: Any, line: Floats, width: float, evidence: Evidence) -> Ribbo
     start, stop = _longest_run(row_like)
     if (stop - start) * _ROW < _SHORTEST or np.nanmean(row_like[start:stop]) < _LOST:
         return None
+    body = place[np.arange(len(place)), np.abs(offset - center[:, None]).argmin(axis=1)]
+    start, stop = _half_way(picture, body, normal, width, np.isnan(row_like), start, stop)
     kept = slice(start, stop)
     line, normal, center = line[kept], normal[kept], _smooth(center[kept], _SMOOTH / _ROW / 2)
     seen = ~(ndimage.uniform_filter1d(np.nan_to_num(row_like[kept], nan=1.0), 5) < _LEAST_LIKE)
@@ -187,6 +190,27 @@ def _longest_run(row_like: Floats) -> tuple[int, int]:
     while stop < len(row_like) and outside[stop]:
         stop += 1
     return start, stop
+
+
+def _half_way(
+    picture: Any, middle: Floats, normal: Floats, width: float, outside: Any, start: int, stop: int
+) -> tuple[int, int]:
+    """Rows of both ends, where the color has gone half the way to that behind the device."""
+    across = np.linspace(-0.2, 0.2, 5)[:, None] * width
+    reach = round(_END / _ROW)
+    found = []
+    for end, outward in ((start, -1), (stop - 1, 1)):
+        rows = end + outward * np.arange(-reach, reach + 1)
+        if rows.min() < 0 or rows.max() >= len(middle) or outside[rows].any():
+            found.append(end)
+            continue
+        place = middle[rows][:, None] + across * normal[rows][:, None]
+        color = sample(picture, place[..., 0], place[..., 1]).astype(float).mean(axis=1)
+        inner, outer = color[: reach // 2].mean(axis=0), color[-(reach // 2) :].mean(axis=0)
+        way = outer - inner
+        share = np.clip((color - inner) @ way / max(float(way @ way), 1e-6), 0, 1)
+        found.append(end + outward * round(reach - share.sum()))
+    return found[0], found[1] + 1
 
 
 def _rough_edges(like: Floats, offset: Floats, center: Floats, width: float) -> Floats:
