@@ -127,9 +127,10 @@ class _Sweep:
             seen = self.rig.b.project(points)
             distance, nearest = self.tree.query(seen)
             # How the picture moves with the inverse depth.
-            slope = -(points - self.rig.a.center) * (
-                (points - self.rig.a.center) @ self.rig.a.axis
-            )[:, None]
+            slope = (
+                -(points - self.rig.a.center)
+                * ((points - self.rig.a.center) @ self.rig.a.axis)[:, None]
+            )
             moves = np.einsum("nij,nj->ni", self.rig.b.jacobian(points), slope)
             normal = self.normals[nearest]
             weight = (in_polygon(self.fields[1], seen) & (distance < self.far)).astype(float)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import IOBase
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class Film:
         Where it is no film, its codec is unknown, or it is larger than any endoscope's.
     """
 
-    def __init__(self, path: Path, content: BinaryIO | None = None) -> None:
+    def __init__(self, path: Path, content: IOBase | None = None) -> None:
         self.path, self._content = path, content
         self._av = require("av", "endoscopy")
         self._container, self._stream = self._open()

@@ -264,9 +264,7 @@ def _source(paths: Paths) -> Source:
 
 def _paired(path: Paths) -> bool:
     """Whether a DICOM file says that its frames are the left and the right eye's in turn."""
-    return (
-        isinstance(path, str | Path) and is_dicom(Path(path)) and open_dicom(Path(path))[1]
-    )
+    return isinstance(path, str | Path) and is_dicom(Path(path)) and open_dicom(Path(path))[1]
 
 
 def _counted(count: int, rate_hz: float | None) -> tuple[Floats, tuple[str, ...]]:

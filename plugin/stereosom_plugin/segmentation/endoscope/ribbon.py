@@ -97,7 +97,7 @@ def trace(picture: Any, line: Floats, width: float, evidence: Evidence) -> Ribbo
     columns = max(24, round(12 * _SIDE))
     offset = np.linspace(-_SIDE, _SIDE, 2 * columns + 1) * width
     place = line[:, None] + offset[:, None] * normal[:, None]
-    within = ((place >= -0.5) & (place <= size - 0.5)).all(axis=2)
+    within = np.asarray(((place >= -0.5) & (place <= size - 0.5)).all(axis=2))
     like = np.where(within, evidence(picture, place[..., 0], place[..., 1]), 0.0)
     center = offset[_middle(like, round(columns / _SIDE / 2))]
     inside = (offset >= (center - width / 4)[:, None]) & (offset <= (center + width / 4)[:, None])
@@ -111,7 +111,8 @@ def trace(picture: Any, line: Floats, width: float, evidence: Evidence) -> Ribbo
     start, stop = _half_way(picture, body, normal, width, np.isnan(row_like), start, stop)
     kept = slice(start, stop)
     line, normal, center = line[kept], normal[kept], _smooth(center[kept], _SMOOTH / _ROW / 2)
-    seen = ~(ndimage.uniform_filter1d(np.nan_to_num(row_like[kept], nan=1.0), 5) < _LEAST_LIKE)
+    seen = np.asarray(ndimage.uniform_filter1d(np.nan_to_num(row_like[kept], nan=1.0), 5))
+    seen = seen >= _LEAST_LIKE
     rough = _rough_edges(like[kept], offset, center, width)
     weight = within[kept].any(axis=1) & (np.nan_to_num(row_like[kept]) > _LEAST_LIKE)
     edges = [
@@ -214,8 +215,10 @@ def _half_way(
 
 
 def _rough_edges(like: Floats, offset: Floats, center: Floats, width: float) -> Floats:
-    """Distance of both edges from the line, (2, rows): outwards from the middle the evidence
-    sums up to its most there."""
+    """Distance of both edges from the line, (2, rows).
+
+    Outwards from the middle, the evidence sums up to its most there.
+    """
     step = offset[1] - offset[0]
     smooth = ndimage.uniform_filter1d(like, 5, axis=0)
     found = []
@@ -299,7 +302,7 @@ def _weighted(values: Floats, weights: Floats, sigma: float, more: float = 0.0) 
 
 
 def _half_a_row_longer(edge: Floats) -> Floats:
-    """Rows are known at their middles; the device reaches from the first's begin to the last's end."""
+    """Rows are known at their middles; a device reaches over the whole of its first and last."""
     before, after = 1.5 * edge[0] - 0.5 * edge[1], 1.5 * edge[-1] - 0.5 * edge[-2]
     return np.vstack([before, edge, after])
 
