@@ -27,7 +27,14 @@ WIDEST = 0.05
 
 
 class Finder(Protocol):
-    """A way to tell the device from what is behind it."""
+    """A way to tell the device from what is behind it.
+
+    It is eager where its evidence takes a little of the device for all of it.
+    """
+
+    @property
+    def eager(self) -> bool:
+        """Whether it is."""
 
     def whole(self, picture: Light) -> tuple[Mask, Evidence]:
         """Its pixels in the whole picture, and what its edges are to be found by."""
@@ -38,6 +45,8 @@ class Finder(Protocol):
 
 class ByColor:
     """What has a color that was learned from a sample."""
+
+    eager = False
 
     def __init__(self, color: DeviceColor, channels: int, width_px: float | None) -> None:
         self.color, self.channels, self.width_px = color, channels, width_px
@@ -58,6 +67,7 @@ class Before:
 
     def __init__(self, background: Light | None, width_px: float | None) -> None:
         self.background, self.width_px = background, width_px
+        self.eager = background is not None
 
     def whole(self, picture: Light) -> tuple[Mask, Evidence]:
         """As `Finder.whole`."""

@@ -71,7 +71,9 @@ class Ribbon:
         return drawn > 0
 
 
-def trace(picture: Any, line: Floats, width: float, evidence: Evidence) -> Ribbon | None:
+def trace(
+    picture: Any, line: Floats, width: float, evidence: Evidence, *, place_ends: bool = False
+) -> Ribbon | None:
     """Find the device about a line.
 
     The picture is straightened along the line. The middle is the way along which the evidence
@@ -86,6 +88,9 @@ def trace(picture: Any, line: Floats, width: float, evidence: Evidence) -> Ribbo
     width : float
         Of the device, about, px.
     evidence : callable
+    place_ends : bool
+        Whether the ends are placed by color too, and not where the evidence ends: it may go on
+        where a pixel shows little of the device.
 
     Returns
     -------
@@ -107,8 +112,9 @@ def trace(picture: Any, line: Floats, width: float, evidence: Evidence) -> Ribbo
     start, stop = _longest_run(row_like)
     if (stop - start) * _ROW < _SHORTEST or np.nanmean(row_like[start:stop]) < _LOST:
         return None
-    body = place[np.arange(len(place)), np.abs(offset - center[:, None]).argmin(axis=1)]
-    start, stop = _half_way(picture, body, normal, width, np.isnan(row_like), start, stop)
+    if place_ends:
+        body = place[np.arange(len(place)), np.abs(offset - center[:, None]).argmin(axis=1)]
+        start, stop = _half_way(picture, body, normal, width, np.isnan(row_like), start, stop)
     kept = slice(start, stop)
     line, normal, center = line[kept], normal[kept], _smooth(center[kept], _SMOOTH / _ROW / 2)
     seen = np.asarray(ndimage.uniform_filter1d(np.nan_to_num(row_like[kept], nan=1.0), 5))

@@ -127,7 +127,11 @@ class _Eye:
         if self.last is not None and self.evidence is not None:
             picture = as_bytes(image)
             ribbon = trace(
-                picture, self.last.middle[self.last.seen], self.last.width, self.evidence
+                picture,
+                self.last.middle[self.last.seen],
+                self.last.width,
+                self.evidence,
+                place_ends=self.finder.eager,
             )
             if ribbon is not None and _goes_on(self.last, ribbon):
                 self.last = ribbon
@@ -146,7 +150,7 @@ class _Eye:
             return mask
         line, width = found.points, found.width
         for number in range(_LEARNED):
-            ribbon = trace(picture, line, width, evidence)
+            ribbon = trace(picture, line, width, evidence, place_ends=self.finder.eager)
             if ribbon is None:
                 return mask
             longer = _length(ribbon.middle) > _LONGER * _length(line)
