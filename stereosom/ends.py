@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from .arrays import Booleans, Floats
 from .camera import StereoRig, triangulate
+from .entering import clipped
 from .observation import Kind, Observation, View
 from .options import Options
 from .reconstruction import HardFrame
@@ -60,7 +61,7 @@ def trim_to_shared_stretch(observation: Observation) -> Observation:
         line = sign * rig.epipolar_line(cameras[long], sign * starts[short])
         kept = pixels[long] @ line[:2] + line[2] >= 0
         pixels[long] = pixels[long][kept]
-        fields[long] = _clip(fields[long], line)
+        fields[long] = clipped(fields[long], line)
     if all(len(pixels[view]) == len(angles[view]) for view in pixels):
         return observation
     if min(len(seen) for seen in pixels.values()) == 0:
@@ -245,17 +246,3 @@ def _swapped(
     straight = np.abs(angle_a - angle_b).sum()
     crossed = np.abs(angle_a - angle_b[::-1]).sum()
     return bool(crossed < straight)
-
-
-def _clip(corners: Floats, line: Floats) -> Floats:
-    """The part of a convex polygon (m, 2) where line·(x, y, 1) is not negative."""
-    height = corners @ line[:2] + line[2]
-    kept: list[Floats] = []
-    for i in range(len(corners)):
-        j = (i + 1) % len(corners)
-        if height[i] >= 0:
-            kept.append(corners[i])
-        if (height[i] >= 0) != (height[j] >= 0):
-            share = height[i] / (height[i] - height[j])
-            kept.append(corners[i] + share * (corners[j] - corners[i]))
-    return np.array(kept)

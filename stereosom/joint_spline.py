@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .arrays import Booleans, Floats
+from .arrays import Floats
 from .assessment import MOST_STRAY, MOST_UNSEEN
 from .backbone import Backbone
 from .camera import Camera
 from .ends import trim_to_shared_stretch
+from .entering import eyes_alike, in_polygon, trim_along
 from .observation import Observation, View
 from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
 from .refine.fit import TubeFit
 from .refine.search import TubeSearch
+from .refine.start import swept_curve
 
 METHOD = "joint-spline"
 
@@ -89,9 +92,15 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
             raise HardFrame(f"view {view}: no device in the picture")
         if len(pixels) < 20:
             raise HardFrame(f"view {view}: {len(pixels)} device pixels are too few to see a shape")
-    seen = trim_to_shared_stretch(observation)
+    first, seen = None, observation
+    if eyes_alike(observation.rig):
+        with suppress(HardFrame):
+            first = options.start.polyline(200) if options.start else swept_curve(observation)
+            seen = trim_along(observation, first)
+    else:
+        seen = trim_to_shared_stretch(observation)
     search = TubeSearch.of(seen, options.prior.radius, options.segments)
-    fit = search.near(options.start) if options.start else search.anywhere()
+    fit = search.near(options.start) if options.start else search.anywhere(first)
     residuals = _check(seen, fit)
     opened = (not fit.tube.capped[0], not fit.tube.capped[1])
     backbone, shares = _shown_stretch(seen, fit, opened)
@@ -160,7 +169,7 @@ def _shown_stretch(
     inside = np.ones(len(s), dtype=bool)
     assert seen.field_of_view is not None
     for camera, corners in zip((seen.rig.a, seen.rig.b), seen.field_of_view, strict=True):
-        inside &= _inside(corners, camera.project(points))
+        inside &= in_polygon(corners, camera.project(points))
     shown = s[inside]
     if len(shown) < 2:
         return backbone, (0.0, 1.0)
@@ -199,14 +208,6 @@ def _covariance(
     share = (at - reach[place]) / (reach[place + 1] - reach[place])
     share = np.clip(share, 0, 1)[:, None, None]
     return np.asarray((1 - share) * found[place] + share * found[place + 1])
-
-
-def _inside(corners: Floats, pixels: Floats) -> Booleans:
-    """Whether pixels (n, 2) lie in a convex polygon (m, 2)."""
-    sides = np.roll(corners, -1, axis=0) - corners
-    offset = pixels[:, None] - corners
-    turn = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
-    return np.asarray(np.all(turn >= 0, axis=1) | np.all(turn <= 0, axis=1))
 
 
 def _base_last(

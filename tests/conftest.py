@@ -37,6 +37,13 @@ def enhanced_dicom():
     return _module("enhanced_dicom")
 
 
+@pytest.fixture(scope="session")
+def stereo_films():
+    """The module `stereo_films.py`: writes small stereo recordings and their calibration."""
+    pytest.importorskip("av")
+    return _module("stereo_films")
+
+
 def _module(name):
     spec = importlib.util.spec_from_file_location(name, HERE / f"{name}.py")
     module = importlib.util.module_from_spec(spec)

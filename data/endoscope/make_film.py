@@ -47,14 +47,14 @@ def curve(time):
     s = np.linspace(0, 66 + 5 * np.sin(2 * np.pi * time), 1201)
     swing, nod = np.sin(2 * np.pi * time), np.cos(2 * np.pi * time)
     share = s / 60
-    azimuth = np.deg2rad(184 + (12 + 26 * swing) * share**2)
+    azimuth = np.deg2rad(203 + (8 + 20 * swing) * share**2)
     elevation = np.deg2rad(8 + (-12 + 16 * nod) * share)
     direction = np.column_stack(
         [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
          -np.sin(elevation)]
     )  # fmt: skip
     steps = 0.5 * (direction[1:] + direction[:-1]) * np.diff(s)[:, None]
-    return np.array([54.0, 7.0, 66.0]) + np.concatenate([[np.zeros(3)], np.cumsum(steps, axis=0)])
+    return np.array([52.0, 24.5, 66.0]) + np.concatenate([[np.zeros(3)], np.cumsum(steps, axis=0)])
 
 
 def rays(eye):

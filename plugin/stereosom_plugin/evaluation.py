@@ -15,9 +15,10 @@ from stereosom.backbone import Backbone
 from stereosom.camera import StereoRig
 from stereosom.metrics import closest_on_curve, curve_errors
 
-from .calibration import read_rig
+from .calibration.rig_json import read_rig_json
 from .centerline import read_vtp
 from .errors import InputError
+from .lens import Lens
 from .output import RIG, centerline_path, read_table
 
 
@@ -57,11 +58,13 @@ def evaluate(path: str | Path, truth: str | Path) -> list[FrameErrors]:
     """
     path, truth = Path(path), Path(truth)
     rigs: Sequence[StereoRig] = ()
+    lenses = None
     if path.is_dir():
         rows = read_table(path)
         frames = [int(row["frame"]) for row in rows if row["status"] in ("ok", "predicted")]
         files = {frame: centerline_path(path, frame) for frame in frames}
-        rigs = read_rig(path / RIG)
+        seen_by = read_rig_json(path / RIG)
+        rigs, lenses = seen_by.rigs, seen_by.lenses
     else:
         files = {read_vtp(path).frame: path}
     truths = _truth_files(truth, list(files))
@@ -70,17 +73,23 @@ def evaluate(path: str | Path, truth: str | Path) -> list[FrameErrors]:
         if frame in truths:
             rig = rigs[frame if len(rigs) > 1 else 0] if rigs else None
             found = read_vtp(file).backbone
-            errors.append(compare(found, read_truth(truths[frame]), rig, frame=frame))
+            true = read_truth(truths[frame])
+            errors.append(compare(found, true, rig, lenses=lenses, frame=frame))
     if not errors:
         raise InputError(truth, f"has no truth for any frame of {path}", "give truth_NNN.csv files")
     return errors
 
 
 def compare(
-    found: Backbone, truth: Backbone, rig: StereoRig | None = None, *, frame: int = 0
+    found: Backbone,
+    truth: Backbone,
+    rig: StereoRig | None = None,
+    *,
+    lenses: tuple[Lens, Lens] | None = None,
+    frame: int = 0,
 ) -> FrameErrors:
     """Compare a curve with the true one, over the stretch that both views of the rig see."""
-    start, stop = visible_stretch(truth, rig) if rig else (0.0, truth.length)
+    start, stop = visible_stretch(truth, rig, lenses) if rig else (0.0, truth.length)
     errors = curve_errors(found, truth.between(start, stop))
     distance, at = closest_on_curve(found.sample(200), truth)
     shared = min(at[-1], stop) - max(at[0], start)
@@ -96,8 +105,12 @@ def compare(
     )
 
 
-def visible_stretch(curve: Backbone, rig: StereoRig) -> tuple[float, float]:
+def visible_stretch(
+    curve: Backbone, rig: StereoRig, lenses: tuple[Lens, Lens] | None = None
+) -> tuple[float, float]:
     """First and last arc length of the longest stretch that lies inside both pictures, mm.
+
+    The pictures are those that the lenses show, where there are any.
 
     Raises
     ------
@@ -107,8 +120,10 @@ def visible_stretch(curve: Backbone, rig: StereoRig) -> tuple[float, float]:
     s = curve.arc_lengths(2000)
     points = curve(s)
     inside = np.ones(len(s), dtype=bool)
-    for camera in (rig.a, rig.b):
+    for number, camera in enumerate((rig.a, rig.b)):
         pixels = camera.project(points)
+        if lenses:
+            pixels = lenses[number].distort_where_defined(pixels)
         size = np.asarray(camera.image_size)
         inside &= np.all((pixels >= -0.5) & (pixels <= size - 0.5), axis=1)
         inside &= camera.depth(points) > 0

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..backbone import Backbone
+from ..entering import eyes_alike
 from ..observation import Observation, View
 from ..reconstruction import HardFrame
 from .contour import Contour, mask_contour
@@ -69,14 +70,26 @@ class TubeSearch:
             edges.append(contour.where(~cut) if len(at_border[-1]) else contour)
         return cls(seen, (edges[0], edges[1]), (at_border[0], at_border[1]), radius, segments)
 
-    def anywhere(self) -> TubeFit:
-        """Fit from the matched middle lines of both masks."""
-        curve, radius = first_curve(self.seen)
-        fit = self._fit(curve, radius, FROM_NEAR)
-        if _doubtful(fit):
+    def anywhere(self, first: Floats | None = None) -> TubeFit:
+        """Fit from the matched middle lines of both masks, or from a first curve, (n, 3) mm.
+
+        Of the two, where both are given, the better one.
+        """
+        fits, refused = [], None
+        if first is not None:
             with suppress(HardFrame):
-                fit = min(fit, self._fit(curve, radius, FROM_AFAR), key=_cost)
-        return self._with_better_ends(fit)
+                fits.append(self._fit(first, _width_radius(self.seen, first), FROM_AFAR))
+        try:
+            curve, radius = first_curve(self.seen)
+            fits.append(self._fit(curve, radius, FROM_NEAR))
+            if _doubtful(fits[-1]):
+                with suppress(HardFrame):
+                    fits.append(self._fit(curve, radius, FROM_AFAR))
+        except HardFrame as error:
+            refused = error
+        if not fits:
+            raise refused or HardFrame("the two views do not show the same device")
+        return self._with_better_ends(min(fits, key=_cost))
 
     def near(self, start: Backbone) -> TubeFit:
         """Fit from where the device is expected; anywhere, where it does not seem to be there."""
@@ -89,7 +102,9 @@ class TubeSearch:
         fit = self._with_better_ends(fit)
         if _doubtful(fit):
             with suppress(HardFrame):
-                fit = min(fit, self.anywhere(), key=_cost)
+                other = self.anywhere(curve if eyes_alike(self.seen.rig) else None)
+                # As good a fit elsewhere is no reason to leave what was followed.
+                fit = other if other.cost < _BETTER * fit.cost else fit
         return fit
 
     def _fit(self, curve: Floats, radius: float, gates: Sequence[float], **details: Any) -> TubeFit:

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..camera import Camera, StereoRig, triangulate
+from ..depth_sweep import sweep_depth
 from ..matching import Matching, go_on, match_lines
 from ..middle_line import MiddleLine, middle_line
 from ..middle_line.centering import directions
@@ -63,6 +64,19 @@ def first_curve(seen: Observation) -> tuple[Floats, float]:
     ]
     radius = float(np.mean(radii))
     return _without_last(curve, radius), radius
+
+
+def swept_curve(seen: Observation) -> Floats:
+    """Points (n, 3) along the line that view a sees, by a sweep over its depth, mm.
+
+    Raises
+    ------
+    HardFrame
+        Where no depth makes the lines meet.
+    """
+    assert seen.field_of_view is not None
+    lines = middle_line(seen.pixels_a).points, middle_line(seen.pixels_b).points
+    return sweep_depth(seen.rig, lines, seen.field_of_view)
 
 
 def _without_last(curve: Floats, length: float) -> Floats:

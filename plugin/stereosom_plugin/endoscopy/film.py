@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import IOBase
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,8 @@ class Film:
     Parameters
     ----------
     path : path
+    content : file, optional
+        What is read in its place, where the film is a part of it.
 
     Attributes
     ----------
@@ -42,8 +45,9 @@ class Film:
         Where it is no film, its codec is unknown, or it is larger than any endoscope's.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path, self._av = path, require("av", "endoscopy")
+    def __init__(self, path: Path, content: IOBase | None = None) -> None:
+        self.path, self._content = path, content
+        self._av = require("av", "endoscopy")
         self._container, self._stream = self._open()
         width, height = self._stream.codec_context.width, self._stream.codec_context.height
         if not (0 < width <= MOST_SIDE and 0 < height <= MOST_SIDE):
@@ -91,7 +95,9 @@ class Film:
 
     def _open(self) -> tuple[Any, Any]:
         try:
-            container = self._av.open(str(self.path), metadata_errors="ignore")
+            if self._content is not None:
+                self._content.seek(0)
+            container = self._av.open(self._content or str(self.path), metadata_errors="ignore")
         except FileNotFoundError:
             raise InputError(self.path, "no such file", "check the path") from None
         except (self._av.error.FFmpegError, OSError) as error:

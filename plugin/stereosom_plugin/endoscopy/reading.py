@@ -14,12 +14,13 @@ from ..acquisition import Acquisition, Image, SourceFrame
 from ..calibration import Calibration, read_calibration
 from ..errors import InputError
 from .agreement import agreement, matched_places, row_gap
+from .dicom import ColorFrames, is_dicom, open_dicom
 from .film import Film
 from .layout import LAYOUTS, Layout, apart, eye_size, widened
 from .pairing import Numbers, pair_by_time
 from .pictures import SUFFIXES, Pictures
 
-Source = Film | Pictures
+Source = Film | Pictures | ColorFrames
 Paths = str | Path | Sequence[str | Path]
 _CHECKED_FRAMES = 3
 
@@ -40,8 +41,8 @@ def read_stereo(
     Parameters
     ----------
     left, right : path or sequence of paths
-        A film, a folder of pictures or a picture of each eye; without `right`, `left` holds both
-        eyes.
+        A film, a folder of pictures, a picture or a DICOM file of each eye; without `right`,
+        `left` holds both eyes.
     rig : path
         A calibration of any format of `read_calibration`.
     layout : {'side-by-side', 'top-bottom', 'interleaved', 'interleaved-frames'}, optional
@@ -65,6 +66,8 @@ def read_stereo(
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0):
         raise InputError("--rate", f"{rate_hz:g} is no frame rate", "give frames per second")
     if right is None:
+        if layout is None and _paired(left):
+            layout = "interleaved-frames"
         acquisition, found = _stacked(_source(left), rig, layout, right_first, rectified, rate_hz)
     else:
         if layout is not None or right_first:
@@ -254,7 +257,14 @@ def _source(paths: Paths) -> Source:
             kinds = ", ".join(sorted(SUFFIXES))
             raise InputError(path, "holds no pictures", f"give a film, or one of {kinds}")
         return Pictures(pictures)
+    if is_dicom(path):
+        return open_dicom(path)[0]
     return Pictures([path]) if path.suffix.lower() in SUFFIXES else Film(path)
+
+
+def _paired(path: Paths) -> bool:
+    """Whether a DICOM file says that its frames are the left and the right eye's in turn."""
+    return isinstance(path, str | Path) and is_dicom(Path(path)) and open_dicom(Path(path))[1]
 
 
 def _counted(count: int, rate_hz: float | None) -> tuple[Floats, tuple[str, ...]]:
@@ -264,13 +274,13 @@ def _counted(count: int, rate_hz: float | None) -> tuple[Floats, tuple[str, ...]
 
 
 def _files(source: Source) -> list[Path]:
-    return [source.path] if isinstance(source, Film) else source.paths
+    return source.paths if isinstance(source, Pictures) else [source.path]
 
 
 def _frames(source: Source, numbers: Numbers) -> list[SourceFrame]:
-    if isinstance(source, Film):
-        return [SourceFrame(source.path, int(number)) for number in numbers]
-    return [SourceFrame(source.paths[number], 0) for number in numbers]
+    if isinstance(source, Pictures):
+        return [SourceFrame(source.paths[number], 0) for number in numbers]
+    return [SourceFrame(source.path, int(number)) for number in numbers]
 
 
 def _name(source: Source) -> Path:

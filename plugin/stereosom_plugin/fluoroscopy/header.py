@@ -57,7 +57,7 @@ KEYWORDS = (
     *("BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "RescaleSlope"),
     *("RescaleIntercept", "ModalityLUTSequence", "PixelIntensityRelationship"),
     *("PixelIntensityRelationshipSign", "WindowCenter", "WindowWidth"),
-    *("MaskSubtractionSequence",),
+    *("MaskSubtractionSequence", "PlanarConfiguration", "StereoPairsPresent"),
 )
 
 

@@ -168,11 +168,11 @@ def open_pixels(header: Header) -> PixelStore:
             "export a shorter run",
         )
     with header.path.open("rb") as file:
-        compressed = _seek_pixels(header, file)
+        compressed = seek_pixels(header, file, (*UNCOMPRESSED, RLE, *JPEG_FAMILY))
         if compressed:
-            spans = _compressed_spans(header, file, frames, size)
+            spans = compressed_spans(header, file, frames, size)
         else:
-            spans = _uncompressed_spans(header, file, frames, size)
+            spans = uncompressed_spans(header, file, frames, size)
     return PixelStore(
         header.path,
         header.transfer_syntax,
@@ -183,10 +183,10 @@ def open_pixels(header: Header) -> PixelStore:
     )
 
 
-def _seek_pixels(header: Header, file: BinaryIO) -> bool:
-    """Move to Pixel Data; say whether it is compressed."""
+def seek_pixels(header: Header, file: BinaryIO, syntaxes: tuple[str, ...]) -> bool:
+    """Move to Pixel Data, where it is in one of these syntaxes; say whether it is compressed."""
     syntax = header.transfer_syntax
-    if syntax not in (*UNCOMPRESSED, RLE, *JPEG_FAMILY):
+    if syntax not in syntaxes:
         raise header.refuse(
             f"its transfer syntax, {uid_name(syntax)!r}, is not read", "store it uncompressed"
         )
@@ -203,9 +203,10 @@ def _pixel_length(header: Header, file: BinaryIO) -> int:
     return int(struct.unpack("<I", data[-4:])[0])
 
 
-def _uncompressed_spans(
+def uncompressed_spans(
     header: Header, file: BinaryIO, frames: int, size: int
 ) -> tuple[tuple[Span, ...], ...]:
+    """Where each frame of so many bytes lies, from the place that `seek_pixels` moved to."""
     length = _pixel_length(header, file)
     first = file.tell()
     present = min(length, file.seek(0, 2) - first)
@@ -224,7 +225,7 @@ def _uncompressed_spans(
     return tuple(((first + index * size, size),) for index in range(frames))
 
 
-def _compressed_spans(
+def compressed_spans(
     header: Header, file: BinaryIO, frames: int, size: int
 ) -> tuple[tuple[Span, ...], ...]:
     """Group the fragments to frames: by the offset table, else by count, else by their starts."""
@@ -257,6 +258,14 @@ def _compressed_spans(
     if max(sum(length for _, length in frame) for frame in spans) > 4 * size + (1 << 20):
         raise header.refuse("a compressed frame is larger than its picture", "export it again")
     return spans
+
+
+def fragments(header: Header, file: BinaryIO) -> tuple[Span, ...]:
+    """Where the pieces of a film lie, from the place that `seek_pixels` moved to."""
+    if _pixel_length(header, file) != UNDEFINED:
+        raise header.refuse("its film is not in fragments", "export it again")
+    _, *pieces = _items(header, file)
+    return tuple(pieces)
 
 
 def _items(header: Header, file: BinaryIO) -> Iterator[Span]:

@@ -43,12 +43,11 @@ class DeviceColor:
 
     def __init__(self, picture: Light, sample: npt.NDArray[np.bool_]) -> None:
         device, elsewhere = (_frequencies(picture[part]) for part in (sample, ~sample))
-        # What of the sample is background: as much as explains none of its colors too often.
-        self.log_quotient = np.log((device + 1e-9) / (elsewhere + 1e-9))
+        self.log_quotient = np.log((device + 1e-9) / (elsewhere + 1e-9)).astype(np.float32)
 
     def __call__(self, picture: Light) -> Light:
         """Logarithm of the likelihood quotient of each pixel, (rows, columns)."""
-        return np.asarray(self.log_quotient[_shades(picture)], dtype=np.float32)
+        return np.asarray(self.log_quotient.take(_shades(picture)))
 
 
 def in_box(shape: tuple[int, ...], box: Box) -> npt.NDArray[np.bool_]:
@@ -105,14 +104,18 @@ def on_stroke(shape: tuple[int, ...], stroke: Stroke) -> npt.NDArray[np.bool_]:
     return inside
 
 
-def _shades(picture: Light) -> tuple[npt.NDArray[np.intp], ...]:
+def _shades(picture: Light) -> npt.NDArray[np.intp]:
+    """Number of each pixel's color."""
     level = np.clip(picture * SHADES, 0, SHADES - 1).astype(np.intp)
-    return tuple(np.moveaxis(level, -1, 0))
+    number = level[..., 0]
+    for channel in range(1, picture.shape[-1]):
+        number = number * SHADES + level[..., channel]
+    return number
 
 
 def _frequencies(pixels: Light) -> npt.NDArray[np.float64]:
-    counts = np.zeros((SHADES,) * pixels.shape[-1])
-    np.add.at(counts, _shades(pixels), 1.0)
-    counts = ndimage.gaussian_filter(counts, SPREAD, mode="nearest")
-    counts /= max(float(counts.sum()), 1e-12)
-    return np.asarray((1 - NEVER_SEEN) * counts + NEVER_SEEN / counts.size)
+    shape = (SHADES,) * pixels.shape[-1]
+    counts = np.bincount(_shades(pixels).ravel(), minlength=SHADES ** len(shape))
+    smooth = ndimage.gaussian_filter(counts.reshape(shape).astype(float), SPREAD, mode="nearest")
+    smooth /= max(float(smooth.sum()), 1e-12)
+    return np.asarray((1 - NEVER_SEEN) * smooth + NEVER_SEEN / smooth.size)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage
 
-from stereosom_plugin.errors import InputError
+from stereosom_plugin.errors import InputError, require
 
 from .frame import Light
 
 # Share of the shorter side over which a background is taken for even, and the pixels per side of
 # the small picture on which that is done.
-EVEN_OVER, SMALL_SIDE = 0.12, 240
+EVEN_OVER, SMALL_SIDE = 0.3, 240
 # A shadow darkens all colors alike, by no more than this, and no less alike than that.
 DEEPEST_SHADOW, ALIKE = 0.45, 0.06
 
@@ -23,16 +22,21 @@ def plain_background(picture: Light) -> Light:
     ----------
     picture : (rows, columns, channels) array
     """
-    factor = max(1, min(picture.shape[:2]) // SMALL_SIDE)
-    small = picture[::factor, ::factor]
+    cv2 = require("cv2", "endoscopy")
+    rows, columns, channels = picture.shape
+    scale = min(1.0, SMALL_SIDE / min(rows, columns))
+    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    levels = np.rint(small * 255).astype(np.uint8)
     side = max(3, round(EVEN_OVER * min(small.shape[:2])) | 1)
-    smooth = ndimage.median_filter(small, size=(side, side, 1), mode="nearest")
-    rows = np.minimum(np.arange(picture.shape[0]) // factor, len(smooth) - 1)
-    columns = np.minimum(np.arange(picture.shape[1]) // factor, smooth.shape[1] - 1)
-    return np.asarray(smooth[rows][:, columns])
+    # The filter goes on beyond the border with the outermost pixels: a device that ends there
+    # would be its own background, so the picture is mirrored first.
+    levels = cv2.copyMakeBorder(levels, side, side, side, side, cv2.BORDER_REFLECT_101)
+    smooth = cv2.medianBlur(levels, side)[side:-side, side:-side].astype(np.float32) / 255
+    whole = cv2.resize(smooth, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(whole.reshape(rows, columns, channels))
 
 
-def difference(picture: Light, background: Light) -> Light:
+def difference(picture: Light, background: Light, *, shadows: bool = True) -> Light:
     """Largest difference over the colors, (rows, columns), 0 to 1; shadows make none.
 
     The background is brought to the picture's exposure first, each color by the median quotient.
@@ -40,6 +44,8 @@ def difference(picture: Light, background: Light) -> Light:
     Parameters
     ----------
     picture, background : (rows, columns, channels) array
+    shadows : bool
+        Whether shadows are looked for.
 
     Raises
     ------
@@ -70,7 +76,7 @@ def difference(picture: Light, background: Light) -> Light:
         gain = np.where((gain > 0.5) & (gain < 2), gain, 1).astype(np.float32)
     expected = background * gain
     apart = np.abs(picture - expected).max(axis=2)
-    if picture.shape[2] == 3:
+    if shadows and picture.shape[2] == 3:
         quotient = (picture + 0.02) / (expected + 0.02)
         darkest, brightest = quotient.min(axis=2), quotient.max(axis=2)
         shadow = (darkest > DEEPEST_SHADOW) & (brightest < 1) & (brightest - darkest < ALIKE)

@@ -51,3 +51,17 @@ def light(image: Any, name: str = "picture") -> Light:
     if not np.isfinite(picture).all():
         raise InputError(name, "holds values that are not finite", "give every pixel a value")
     return picture
+
+
+def as_bytes(image: Any) -> npt.NDArray[np.uint8]:
+    """Return a picture as bytes, (rows, columns, 1 or 3); no copy where it is that already.
+
+    Raises
+    ------
+    InputError
+        Where it is no picture.
+    """
+    array = np.asarray(image)
+    if array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] in (1, 3) and array.size:
+        return array
+    return np.rint(light(image) * 255).astype(np.uint8)

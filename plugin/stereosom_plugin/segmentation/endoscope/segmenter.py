@@ -5,25 +5,27 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from stereosom.arrays import Floats
+from stereosom.middle_line import middle_line
 from stereosom_plugin.errors import InputError
 
 from ..observing import Segment
 from ..picture import Mask
 from .color import Box, DeviceColor, Stroke, in_box, on_stroke
-from .difference import difference, plain_background
 from .edges import edge_mask
-from .frame import Light, light
-from .pieces import device_pixels, with_highlights
+from .finding import Before, ByColor, Finder
+from .frame import as_bytes, light
+from .ribbon import Evidence, Ribbon, trace
 
-# Of the full range of light: what differs from the background at least, and clearly.
-LEAST, CLEAR = 0.08, 0.2
-# The same in units of the picture's noise.
-LEAST_NOISE, CLEAR_NOISE = 5.0, 12.0
-# Logarithm of how much likelier a color is on the device: at least, and clearly.
-LIKELY, VERY_LIKELY = 0.7, 2.0
-# Greatest width of the device, as a share of the picture's longer side.
-WIDEST = 0.03
+# A whole search learns the device's color anew, from what it found the time before, so often at
+# most, and as long as what is found becomes longer by more than this.
+_LEARNED, _LONGER = 6, 1.01
+# A narrower device has edges that are not told apart by straightening it, px.
+_NARROW_PX = 4.0
+# Share of its length and width that a device keeps from one frame to the next.
+_KEPT = 0.7
 
 
 def segmenter(
@@ -54,7 +56,7 @@ def segmenter(
         The paper's edges (`edge_mask`) above this threshold, gray levels of 256; the
         observation is then of kind `edges`.
     width_px : float, optional
-        Greatest width that the device may have. Default: 3 % of the picture's longer side.
+        Greatest width that the device may have. Default: 5 % of the picture's longer side.
 
     Returns
     -------
@@ -89,7 +91,7 @@ def segmenter(
         return by_edges, by_edges
     if background is not None:
         left, right = (
-            _BeforeBackground(light(one, f"background ({eye})"), width_px)
+            _Eye(Before(light(one, f"background ({eye})"), width_px))
             for one, eye in zip(background, ("left", "right"), strict=True)
         )
         return left, right
@@ -98,10 +100,10 @@ def segmenter(
             raise InputError("color", "has no picture to be learned from", "give the example")
         seen = light(example, "example")
         sample = in_box(seen.shape, color_box) if color_box else on_stroke(seen.shape, stroke or ())
-        by_color = _ByColor(DeviceColor(seen, sample), seen.shape[2], width_px)
-        return by_color, by_color
-    plain = _BeforeBackground(None, width_px)
-    return plain, plain
+        by_color = ByColor(DeviceColor(seen, sample), seen.shape[2], width_px)
+        return _Eye(by_color), _Eye(by_color)
+    plain = Before(None, width_px)
+    return _Eye(plain), _Eye(plain)
 
 
 class _Edges:
@@ -113,36 +115,65 @@ class _Edges:
         return np.asarray(edge_mask(np.rint(gray).astype(np.uint8), self.threshold))
 
 
-class _BeforeBackground:
-    """What differs from a background: one that is given, or the surroundings."""
+class _Eye:
+    """One eye's segmentation. It remembers where the device was, and looks there first."""
 
-    def __init__(self, background: Light | None, width_px: float | None) -> None:
-        self.background, self.width_px = background, width_px
-
-    def __call__(self, image: Any) -> Mask:
-        picture = light(image)
-        width = _width(picture, self.width_px)
-        behind = plain_background(picture) if self.background is None else self.background
-        apart = difference(picture, behind)
-        noise = 1.4826 * float(np.median(apart[::2, ::2]))
-        low, high = max(LEAST, LEAST_NOISE * noise), max(CLEAR, CLEAR_NOISE * noise)
-        return with_highlights(device_pixels(apart, low, high, width), picture, width)
-
-
-class _ByColor:
-    """What has the device's color."""
-
-    def __init__(self, color: DeviceColor, channels: int, width_px: float | None) -> None:
-        self.color, self.channels, self.width_px = color, channels, width_px
+    def __init__(self, finder: Finder) -> None:
+        self.finder = finder
+        self.last: Ribbon | None = None
+        self.evidence: Evidence | None = None
 
     def __call__(self, image: Any) -> Mask:
-        picture = light(image)
-        if picture.shape[2] != self.channels:
-            raise InputError("picture", "has other colors than the example", "give one like it")
-        width = _width(picture, self.width_px)
-        likely = np.maximum(self.color(picture), 0)
-        return with_highlights(device_pixels(likely, LIKELY, VERY_LIKELY, width), picture, width)
+        if self.last is not None and self.evidence is not None:
+            picture = as_bytes(image)
+            ribbon = trace(
+                picture,
+                self.last.middle[self.last.seen],
+                self.last.width,
+                self.evidence,
+                place_ends=self.finder.eager,
+            )
+            if ribbon is not None and _goes_on(self.last, ribbon):
+                self.last = ribbon
+                return ribbon.mask(picture.shape)
+        return self._anew(image)
+
+    def _anew(self, image: Any) -> Mask:
+        picture, seen = as_bytes(image), light(image)
+        mask, evidence = self.finder.whole(seen)
+        self.last = None
+        try:
+            found = middle_line(np.argwhere(mask)[:, ::-1].astype(float))
+        except ValueError:  # holds no line: what was found is left as it is
+            return mask
+        if found.width < _NARROW_PX or _meets_itself(found.points, found.width):
+            return mask
+        line, width = found.points, found.width
+        for number in range(_LEARNED):
+            ribbon = trace(picture, line, width, evidence, place_ends=self.finder.eager)
+            if ribbon is None:
+                return mask
+            longer = _length(ribbon.middle) > _LONGER * _length(line)
+            self.last, mask = ribbon, ribbon.mask(picture.shape)
+            line, width = ribbon.middle[ribbon.seen], ribbon.width
+            evidence = self.evidence = self.finder.learned(seen, mask)
+            if not longer and number:
+                break
+        return mask
 
 
-def _width(picture: Light, width_px: float | None) -> int:
-    return max(3, round(WIDEST * max(picture.shape[:2]) if width_px is None else width_px))
+def _length(line: Floats) -> float:
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+
+def _goes_on(before: Ribbon, now: Ribbon) -> bool:
+    """Whether a ribbon can be that of the frame before."""
+    kept = now.seen.sum() * now.width > _KEPT * before.seen.sum() * before.width
+    return bool(kept and 1 / _KEPT > now.width / before.width > _KEPT)
+
+
+def _meets_itself(line: Floats, width: float) -> bool:
+    """Whether a line comes back to within a width and a half of itself."""
+    step = float(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
+    near = cKDTree(line).query_pairs(1.5 * width, output_type="ndarray")
+    return bool(np.any(np.abs(near[:, 0] - near[:, 1]) * step > 5 * width))

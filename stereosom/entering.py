@@ -1,0 +1,121 @@
+"""What only one of two eyes that look the same way sees of an entering device: `trim_along`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .arrays import Booleans, Floats
+from .camera import StereoRig
+from .observation import Observation
+
+# Eyes that look the same way, within this, see a device run the same way.
+_ALIKE_DEG = 30.0
+# A curve is gone on with by this share of its length, to find where it leaves a view.
+_BEYOND, _SAMPLES = 0.15, 400
+# A border is moved inwards only where no more of what is kept than this lies beyond.
+_BEYOND_CUT = 0.01
+
+
+def eyes_alike(rig: StereoRig) -> bool:
+    """Whether two views are those of eyes, close together, and not of planes across."""
+    return rig.convergence_deg < _ALIKE_DEG
+
+
+def trim_along(observation: Observation, curve: Floats) -> Observation:
+    """Leave out what one view sees of an entering device beyond the border of the other.
+
+    As `ends.trim_to_shared_stretch`, where the device runs along the epipolar lines, which then
+    do not tell where the border of one view is in the other: a curve near the device does.
+
+    Parameters
+    ----------
+    observation : Observation
+    curve : (n, 3) array
+        Points along it, mm.
+
+    Returns
+    -------
+    Observation
+        The same object where there is nothing to trim.
+    """
+    assert observation.field_of_view is not None
+    cameras = (observation.rig.a, observation.rig.b)
+    longer = _gone_on(curve)
+    if min(float(camera.depth(longer).min()) for camera in cameras) <= 0:
+        return observation
+    shown = [camera.project(longer) for camera in cameras]
+    inside: Booleans = np.logical_and(
+        *(in_polygon(*view) for view in zip(observation.field_of_view, shown, strict=True))
+    )
+    both = np.flatnonzero(inside)
+    if len(both) < 2 or inside.all():
+        return observation
+    first, last = int(both[0]), int(both[-1])
+    pixels, fields = [], []
+    for seen, field, way in zip(
+        (observation.pixels_a, observation.pixels_b), observation.field_of_view, shown, strict=True
+    ):
+        tree, kept = cKDTree(way), seen
+        for end, inward in ((first, 1), (last, -1)):
+            if 0 < end < len(way) - 1 and len(kept):
+                heading = inward * (way[end + 1] - way[end - 1])
+                line = np.append(heading, -heading @ way[end])
+                beyond = kept @ line[:2] + line[2] < 0
+                at = tree.query(kept[beyond])[1]
+                beyond[beyond] = at < first if end == first else at > last
+                kept = kept[~beyond]
+                # A device that comes back from beyond is not cut there.
+                if np.mean(kept @ line[:2] + line[2] < 0) < _BEYOND_CUT:
+                    kept = kept[kept @ line[:2] + line[2] >= 0]
+                    field = clipped(field, line)
+        pixels.append(kept)
+        fields.append(field)
+    if min(len(kept) for kept in pixels) == 0:
+        return observation
+    return replace(
+        observation,
+        pixels_a=pixels[0],
+        pixels_b=pixels[1],
+        field_of_view=(fields[0], fields[1]),
+    )
+
+
+def in_polygon(corners: Floats, pixels: Any) -> Booleans:
+    """Whether pixels (n, 2) lie in a convex polygon (m, 2)."""
+    sides = np.roll(corners, -1, axis=0) - corners
+    offset = pixels[:, None] - corners
+    turn = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
+    return np.asarray(np.all(turn >= 0, axis=1) | np.all(turn <= 0, axis=1))
+
+
+def clipped(corners: Floats, line: Floats) -> Floats:
+    """The part of a convex polygon (m, 2) where line·(x, y, 1) is not negative."""
+    height = corners @ line[:2] + line[2]
+    kept: list[Floats] = []
+    for i in range(len(corners)):
+        j = (i + 1) % len(corners)
+        if height[i] >= 0:
+            kept.append(corners[i])
+        if (height[i] >= 0) != (height[j] >= 0):
+            share = height[i] / (height[i] - height[j])
+            kept.append(corners[i] + share * (corners[j] - corners[i]))
+    return np.array(kept)
+
+
+def _gone_on(curve: Floats) -> Floats:
+    """A curve (n, 3), even and gone on straight at both ends."""
+    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+    reach = np.concatenate([[0.0], np.cumsum(steps)])
+    even = np.linspace(0, reach[-1], _SAMPLES)
+    points = np.column_stack([np.interp(even, reach, axis) for axis in curve.T])
+    step = even[1]
+    ahead = step * np.arange(1, int(_BEYOND * _SAMPLES) + 1)[:, None]
+    ends = []
+    for end, before in ((points[0], points[20]), (points[-1], points[-21])):
+        heading = (end - before) / max(float(np.linalg.norm(end - before)), 1e-9)
+        ends.append(end + ahead * heading)
+    return np.vstack([ends[0][::-1], points, ends[1]])

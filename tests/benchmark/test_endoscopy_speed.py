@@ -1,0 +1,101 @@
+"""How long a stereo endoscope's recording takes, from film to `.vtp`, by what takes it.
+
+    python -m pytest tests/benchmark/test_endoscopy_speed.py -m benchmark -s
+
+The film that ships, enlarged to 1920×1080, is read, segmented, freed of lens distortion, tracked
+and written; processor time per pair, the median over the frames after the first. Asserts nothing
+about time. docs/experiments/speed.md quotes such a run.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections import defaultdict
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stereosom import Observation, track
+from stereosom_plugin.endoscopy import read_stereo
+from stereosom_plugin.lens import undistorted_observation
+from stereosom_plugin.polydata import write_vtp
+from stereosom_plugin.segmentation.endoscope import segmenter
+
+av = pytest.importorskip("av")
+pytest.importorskip("cv2")
+pytestmark = pytest.mark.benchmark
+
+FILM = Path(__file__).parent.parent.parent / "data" / "endoscope"
+TIMES, FRAMES = 3, 20
+
+
+def enlarged(folder):
+    """The film and its calibration at three times the size."""
+    for eye in ("left", "right"):
+        with (
+            av.open(str(FILM / f"{eye}.mp4")) as source,
+            av.open(str(folder / f"{eye}.mp4"), "w") as made,
+        ):
+            stream = made.add_stream("libx264", rate=20, options={"crf": "18"})
+            stream.width, stream.height, stream.pix_fmt = 640 * TIMES, 360 * TIMES, "yuv420p"
+            for number, frame in enumerate(source.decode(video=0)):
+                if number == FRAMES:
+                    break
+                large = frame.reformat(stream.width, stream.height, "yuv420p")
+                large = av.VideoFrame.from_ndarray(large.to_ndarray(), format="yuv420p")
+                large.pts, large.time_base = number, Fraction(1, 20)
+                made.mux(stream.encode(large))
+            made.mux(stream.encode())
+
+    def larger(found):
+        fx, _, cx, _, fy, cy, *_ = (TIMES * float(value) for value in found[2].split(","))
+        shift = (TIMES - 1) / 2  # pixel centers are whole numbers
+        values = (fx, 0, cx + shift, 0, fy, cy + shift, 0, 0, 1)
+        return f"{found[1]}{', '.join(map(str, values))} ]"
+
+    text = (FILM / "calibration.yaml").read_text()
+    text = text.replace(": 640\n", f": {640 * TIMES}\n").replace(": 360\n", f": {360 * TIMES}\n")
+    text = re.sub(r"(M[12]:[^\[]*\[ )([^\]]*) \]", larger, text)
+    (folder / "calibration.yaml").write_text(text)
+
+
+def test_full_hd_pairs(tmp_path):
+    enlarged(tmp_path)
+    acquisition = read_stereo(
+        tmp_path / "left.mp4", tmp_path / "right.mp4", tmp_path / "calibration.yaml", check=False
+    )
+    left, right = segmenter()
+    took, clock = defaultdict(list), [time.process_time()]
+
+    def lap(stage):
+        now = time.process_time()
+        took[stage].append(1e3 * (now - clock[0]))
+        clock[0] = now
+
+    def observations():
+        for index in range(FRAMES):
+            clock[0] = time.process_time()
+            pair = acquisition[index]
+            lap("read both films")
+            masks = left(pair.image_a), right(pair.image_b)
+            lap("segment both eyes")
+            seen = Observation.from_masks(*masks, pair.rig, time=pair.time, index=index)
+            seen = undistorted_observation(seen, masks, acquisition.lenses)
+            lap("take lens distortion away")
+            yield seen
+
+    done = 0
+    for result in track(observations()):
+        lap("track")
+        assert result.ok, result.reason
+        write_vtp(result, tmp_path / "curve.vtp")
+        lap("write the .vtp")
+        done += 1
+    assert done == FRAMES
+    medians = {stage: float(np.median(times[2:])) for stage, times in took.items()}
+    for stage, median in medians.items():
+        print(f"{stage:28s}{median:8.1f} ms")
+    print(f"{'one pair':28s}{sum(medians.values()):8.1f} ms")

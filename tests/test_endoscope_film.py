@@ -1,0 +1,88 @@
+"""The film that ships: a cannula before two eyes that stand 5 mm apart, its backbone known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stereosom
+from stereosom.metrics import closest_on_curve
+
+pytest.importorskip("cv2")
+pytest.importorskip("av")
+from stereosom_plugin import segmentation
+from stereosom_plugin.cli import main
+from stereosom_plugin.endoscopy import read_stereo
+from stereosom_plugin.evaluation import evaluate, read_truth
+from stereosom_plugin.segmentation.endoscope import segmenter
+
+FILM = Path(__file__).parent.parent / "data" / "endoscope"
+WORKING_DISTANCE = 60.0  # mm
+
+
+def tracked(frames, **way):
+    acquisition = read_stereo(FILM / "left.mp4", FILM / "right.mp4", FILM / "calibration.yaml")
+    if "color_box" in way:
+        way["example"] = acquisition.read(0)[0]
+    seen = segmentation.observe(acquisition, segmenter(**way), frames=frames)
+    return list(stereosom.track(seen))
+
+
+def errors(result):
+    """Distance of points along a curve from the true one: in depth and across it, (n,) mm."""
+    truth = read_truth(FILM / f"truth_{result.index:03d}.csv")
+    points = result.backbone.sample(200)
+    _, at = closest_on_curve(points, truth)
+    off = points - truth(at)
+    return np.abs(off[:, 2]), np.hypot(off[:, 0], off[:, 1])
+
+
+@pytest.fixture(scope="module")
+def few():
+    return tracked(range(4))
+
+
+def test_depth_is_right_to_a_hundredth_of_the_working_distance(few):
+    depth, across = zip(*map(errors, few), strict=True)
+    assert np.mean(depth) < 0.01 * WORKING_DISTANCE
+    assert np.mean(across) < 0.3
+
+
+def test_what_is_said_of_the_certainty_is_that_depth_is_weak(few):
+    """Eyes 5 mm apart at 60 mm: depth is known about twelve times less well than what lies
+    across, and the standard deviation, which is that of the worst direction, is depth's."""
+    for result in few:
+        s = np.linspace(0.2, 0.8, 7) * result.backbone.length
+        covariance = result.covariance_at(s)
+        in_depth = np.sqrt(covariance[:, 2, 2])
+        up = np.sqrt(covariance[:, 1, 1])
+        assert np.median(in_depth / up) > 4
+        assert np.all(result.standard_deviation_at(s) > 0.8 * in_depth)
+        depth, _ = errors(result)
+        # What it says is not far from what is: neither ten times less nor ten times more.
+        assert 0.1 < np.median(result.standard_deviation_at(s)) / np.mean(depth) < 10
+
+
+def test_a_box_on_the_device_does_as_well(few):
+    box = tracked(range(2), color_box=(400, 215, 30, 20))
+    for one, other in zip(few, box, strict=False):
+        assert np.mean(errors(other)[0]) < 0.02 * WORKING_DISTANCE
+        assert other.backbone.length == pytest.approx(one.backbone.length, rel=0.1)
+
+
+@pytest.mark.slow
+def test_the_whole_film_from_the_command_line(tmp_path):
+    out = tmp_path / "out"
+    call = [FILM / "left.mp4", FILM / "right.mp4", "--rig", FILM / "calibration.yaml"]
+    assert main(["endoscopy", *map(str, call), "--output", str(out)]) == 0
+    frames = evaluate(out, FILM)
+    assert len(frames) == 40
+    # Distance is that from the curve, ends are compared with the true ones.
+    assert np.mean([frame.distance for frame in frames]) < 0.01 * WORKING_DISTANCE
+    assert max(frame.distance for frame in frames) < 0.02 * WORKING_DISTANCE
+    assert min(frame.covered for frame in frames) > 0.95
+    film = tmp_path / "film.mp4"
+    assert main(["render", str(out), "--output", str(film), "--overlay", "both"]) == 0
+    assert film.stat().st_size > 10_000
