@@ -97,7 +97,10 @@ def test_its_middle_is_where_other_programs_find_it(robot):
         middle = near.mean(axis=0)
         line = rig.fundamental @ np.append(middle, 1)
         off = np.abs(seen.pixels_b @ line[:2] + line[2]) / np.hypot(*line[:2])
-        other = seen.pixels_b[off < 1].mean(axis=0)
+        partners = seen.pixels_b[off < 1]
+        if len(partners) == 0:  # a gap in the other
+            continue
+        other = partners.mean(axis=0)
         point = cv2.triangulatePoints(
             rig.a.projection, rig.b.projection, middle[:, None], other[:, None]
         )
