@@ -13,7 +13,7 @@ _BESIDE, _BESIDE_PX = 0.9, 1.2
 # The middle is taken over so many widths along the line (standard deviation).
 ALONG = 1.5
 # An end's heading is that of so many widths before it; pixels as far beyond may belong to it.
-_HEADING = 3.0
+_HEADING = 2.0
 
 
 def directions(line: Floats) -> Floats:
