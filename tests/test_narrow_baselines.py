@@ -70,7 +70,8 @@ def either_way(backbone, truth):
 
 def test_threads_painted_by_discs():
     rig, errors, inside = parallel_rig(3.0), [], []
-    for seed in (2, 5, 6, 7, 8, 9):  # 8 crosses itself; others hide strands behind strands
+    # Chosen: 8 crosses itself. Not solved yet: 0, 3, 4 (2 to 6 %, depth open), 1 (a folded loop).
+    for seed in (2, 5, 6, 7, 8, 9):
         points = thread(seed)
         truth = Backbone.through(points[::10])
         result = reconstruct(observed(points, 0.1, rig))

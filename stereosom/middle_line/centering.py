@@ -13,7 +13,7 @@ _BESIDE, _BESIDE_PX = 0.9, 1.2
 # The middle is taken over so many widths along the line (standard deviation).
 ALONG = 1.5
 # An end's heading is that of so many widths before it; pixels as far beyond may belong to it.
-_HEADING = 3.0
+_HEADING = 2.0
 
 
 def directions(line: Floats) -> Floats:
@@ -77,7 +77,7 @@ def to_ends(line: Floats, pixels: Floats, width: float) -> Floats:
         As of `to_middle`.
     """
     before = min(max(round(_HEADING * width / max(_spacing(line), 1e-9)), 3), len(line) - 1)
-    line = line.copy()
+    reached = line[[0, -1]].copy()
     for end, inner in ((0, before), (-1, -1 - before)):
         heading = line[end] - line[inner]
         heading /= max(float(np.linalg.norm(heading)), 1e-9)
@@ -86,8 +86,8 @@ def to_ends(line: Floats, pixels: Floats, width: float) -> Floats:
         beside = np.abs(offset @ [-heading[1], heading[0]]) <= 0.3 * width + 0.5
         beside &= (beyond > -width) & (beyond < _HEADING * width)
         if beside.any():
-            line[end] = line[end] + (beyond[beside].max() + 0.5) * heading
-    return line
+            reached[end] += (beyond[beside].max() + 0.5) * heading
+    return np.vstack([reached[:1], line, reached[1:]])
 
 
 def _spacing(line: Floats) -> float:

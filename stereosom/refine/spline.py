@@ -18,7 +18,7 @@ _SAMPLES_A_PIECE = 6
 ORDER = 2
 # Bends are alike over such a share of a curve (standard deviation); no stretch is taken to be
 # straighter than such a share of the mean.
-_STRETCH, _STRAIGHTEST = 0.05, 0.1
+_STRETCH, _STRAIGHTEST = 0.05, 0.12
 
 
 class SplineBasis:
