@@ -148,7 +148,11 @@ class _Eye:
             return mask
         if found.width < _NARROW_PX or _meets_itself(found.points, found.width):
             return mask
-        line, width = found.points, found.width
+        # From end to end, without the last of the skeleton, which lean to a corner of the mask.
+        line, width = (
+            np.vstack([found.points[:1], found.points[2:-2], found.points[-1:]]),
+            found.width,
+        )
         for number in range(_LEARNED):
             ribbon = trace(picture, line, width, evidence, place_ends=self.finder.eager)
             if ribbon is None:
