@@ -161,7 +161,7 @@ class Backbone:
         Much faster than `sample`, which is exact.
         """
         start, stop = self.knots[self.degree], self.knots[-self.degree - 1]
-        points = self._spline(start + (stop - start) / (4 * count) * np.arange(4 * count + 1))
+        points = self._spline(start + (stop - start) / (2 * count) * np.arange(2 * count + 1))
         steps = np.sqrt(np.sum((points[1:] - points[:-1]) ** 2, axis=1))
         reach = np.concatenate([[0.0], np.cumsum(steps)])
         even = reach[-1] / (count - 1) * np.arange(count)
@@ -170,11 +170,15 @@ class Backbone:
     @property
     def base(self) -> Floats:
         """The proximal end, (3,), mm."""
+        if self.knots[0] == self.knots[self.degree]:  # there a spline is its first coefficient
+            return np.asarray(self.coefficients[0])
         return np.asarray(self._spline(self.knots[self.degree]))
 
     @property
     def tip(self) -> Floats:
         """The distal end, (3,), mm."""
+        if self.knots[-1] == self.knots[-self.degree - 1]:
+            return np.asarray(self.coefficients[-1])
         return np.asarray(self._spline(self.knots[-self.degree - 1]))
 
     # ---- differential geometry -------------------------------------------------------

@@ -18,6 +18,7 @@ from .observation import Observation, View
 from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
 from .refine.fit import TubeFit
+from .refine.kernels import kernels
 from .refine.search import TubeSearch
 from .refine.start import swept_curve
 
@@ -188,26 +189,12 @@ def _covariance(
     covariance is that of the ends, and between them so. An open end lies at the border of the
     view, to a pixel.
     """
-    curve, tangents, covariance = fit.tube.curve, fit.tube.tangents, fit.covariance
-    steps = np.sqrt(np.sum((curve[1:] - curve[:-1]) ** 2, axis=1))
-    reach = np.concatenate([[0.0], np.cumsum(steps)])
-    reach /= reach[-1]
-    sliding = np.matmul(covariance, tangents[:, :, None])[:, :, 0]
-    along = np.sum(sliding * tangents, axis=1)
-    at_ends = np.where(opened, pixel**2, _END_FACTOR**2 * along[[0, -1]])
-    # (1 − ttᵀ) C (1 − ttᵀ), and what stands along the tangent t instead.
-    held = (1 - reach) * at_ends[0] + reach * at_ends[1]
-    sliding -= 0.5 * (along + held)[:, None] * tangents
-    slid = sliding[:, :, None] * tangents[:, None, :]
-    found = covariance - slid - slid.transpose(0, 2, 1)
-    for end in (0, -1):
-        if not opened[end]:
-            found[end] = _END_FACTOR**2 * covariance[end]
-    at = np.linspace(*shares, _COVARIANCES)
-    place = np.clip(np.searchsorted(reach, at) - 1, 0, len(reach) - 2)
-    share = (at - reach[place]) / (reach[place + 1] - reach[place])
-    share = np.clip(share, 0, 1)[:, None, None]
-    return np.asarray((1 - share) * found[place] + share * found[place + 1])
+    factors = np.where(opened, 1.0, _END_FACTOR**2)
+    along = np.where(opened, pixel**2, np.nan)
+    found: Floats = kernels().by_length(
+        fit.tube.curve, fit.tube.tangents, fit.covariance, factors, along, *shares, _COVARIANCES
+    )
+    return found
 
 
 def _base_last(

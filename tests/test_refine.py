@@ -487,6 +487,29 @@ def test_compiled_covariance(compiled, seed, tilt, radius_known, together):
 
 
 @often
+@given(SEEDS, ENDS, st.tuples(st.floats(0, 0.4), st.floats(0.6, 1)))
+def test_compiled_covariance_by_length(compiled, seed, opened, shares):
+    rng = np.random.default_rng(seed)
+    _, curve, tangents = random_scene(rng, 0.7)
+    root = rng.normal(size=(len(curve), 3, 3))
+    given_to = (
+        curve, tangents, root @ root.transpose(0, 2, 1), np.array([1.0, 2.25]),
+        np.where(opened, 0.04, np.nan), *shares, 100,
+    )  # fmt: skip
+    assert_same([compiled.by_length(*given_to)], [reference.by_length(*given_to)])
+
+
+def test_along_a_curve_its_covariance_is_that_of_its_ends():
+    # Across a line along z the covariance stays; along it, it goes from one end's to the other's.
+    curve = np.linspace([0.0, 0, 0], [0, 0, 10], 41)
+    sure = np.tile(np.diag([0.3, 0.2, 9.0]), (41, 1, 1))
+    found = reference.by_length(
+        curve, np.tile([0.0, 0, 1], (41, 1)), sure, np.ones(2), np.array([1.0, 4.0]), 0.0, 1.0, 3
+    )
+    np.testing.assert_allclose(found, [np.diag([0.3, 0.2, a]) for a in (1.0, 2.5, 4.0)])
+
+
+@often
 @given(SEEDS, st.integers(3, 130), ENDS, st.floats(0, 1))
 def test_compiled_account_of_the_rims(compiled, seed, n, capped, shown):
     rng = np.random.default_rng(seed)

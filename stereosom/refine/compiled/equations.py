@@ -136,6 +136,55 @@ def covariance(  # type: ignore[no-untyped-def]
 
 
 @compiled
+def by_length(curve, tangents, covariance, factors, along, start, stop, count):  # type: ignore[no-untyped-def]
+    """As `reference.by_length`."""
+    n = len(curve)
+    reach = np.zeros(n)
+    for i in range(1, n):
+        squared = 0.0
+        for axis in range(3):
+            squared += (curve[i, axis] - curve[i - 1, axis]) ** 2
+        reach[i] = reach[i - 1] + np.sqrt(squared)
+    reach /= reach[-1]
+    ends = np.empty(2)
+    for end in range(2):
+        t, sure = tangents[end * (n - 1)], covariance[end * (n - 1)]
+        slid = 0.0
+        for x in range(3):
+            for y in range(3):
+                slid += t[x] * sure[x, y] * t[y]
+        ends[end] = along[end] if np.isfinite(along[end]) else factors[end] * slid
+    found = np.empty((n, 3, 3))
+    sliding = np.empty(3)
+    for i in range(n):
+        t, sure = tangents[i], covariance[i]
+        slid = 0.0
+        for x in range(3):
+            sliding[x] = 0.0
+            for y in range(3):
+                sliding[x] += sure[x, y] * t[y]
+            slid += sliding[x] * t[x]
+        held = (1 - reach[i]) * ends[0] + reach[i] * ends[1]
+        for x in range(3):
+            sliding[x] -= 0.5 * (slid + held) * t[x]
+        for x in range(3):
+            for y in range(3):
+                found[i, x, y] = sure[x, y] - sliding[x] * t[y] - t[x] * sliding[y]
+    for end in range(2):
+        if not np.isfinite(along[end]):
+            found[end * (n - 1)] = factors[end] * covariance[end * (n - 1)]
+    told = np.empty((count, 3, 3))
+    place = 0
+    for k in range(count):
+        at = start + (stop - start) * k / (count - 1)
+        while place < n - 2 and reach[place + 1] < at:
+            place += 1
+        share = min(max((at - reach[place]) / (reach[place + 1] - reach[place]), 0.0), 1.0)
+        told[k] = (1 - share) * found[place] + share * found[place + 1]
+    return told
+
+
+@compiled
 def _gather(values, slopes, first, speed, view, matrix, column, side):  # type: ignore[no-untyped-def]
     """Add a view's equations to the band, the radius' column and the right side.
 

@@ -6,7 +6,7 @@ and as many around the tip's.
 """
 
 from .edges import contour, look, match, rims_seen, unseen
-from .equations import assemble, covariance, step, sweep
+from .equations import assemble, by_length, covariance, step, sweep
 from .noise import HARMONICS, likeness, rounding
 from .outline import CAP_POINTS, NOWHERE, outline, owners, pieces
 
@@ -15,6 +15,7 @@ __all__ = [
     "HARMONICS",
     "NOWHERE",
     "assemble",
+    "by_length",
     "contour",
     "covariance",
     "likeness",

@@ -217,3 +217,53 @@ def covariance(
     half = (values @ of_control.reshape(m, -1)).reshape(len(values), 3, m, 3)
     found = np.einsum("nimj,nm->nij", half, values)
     return np.asarray((found + found.transpose(0, 2, 1)) / 2)
+
+
+def by_length(
+    curve: Floats,
+    tangents: Floats,
+    covariance: Floats,
+    factors: Floats,
+    along: Floats,
+    start: float,
+    stop: float,
+    count: int,
+) -> Floats:
+    """Covariance at equal steps of length, where sliding along the curve is that of its ends.
+
+    Parameters
+    ----------
+    curve, tangents, covariance : (n, 3), (n, 3) and (n, 3, 3) arrays
+        At the samples of a curve; mm, unit vectors, mm².
+    factors : (2,) array
+        By which the variances at both ends grow.
+    along : (2,) array
+        Variance along the curve at both ends, mm²; NaN: that of the samples there.
+    start, stop : float
+        Of the stretch that is wanted, as shares of the curve's length.
+    count : int
+
+    Returns
+    -------
+    (count, 3, 3) array, mm²
+    """
+    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+    reach = np.concatenate([[0.0], np.cumsum(steps)])
+    reach /= reach[-1]
+    sliding = np.einsum("nij,nj->ni", covariance, tangents)
+    slid = np.sum(sliding * tangents, axis=1)
+    known = np.isfinite(along)
+    ends = np.where(known, along, factors * slid[[0, -1]])
+    # (1 − ttᵀ) C (1 − ttᵀ), and what stands along the tangent t instead.
+    held = (1 - reach) * ends[0] + reach * ends[1]
+    sliding -= 0.5 * (slid + held)[:, None] * tangents
+    beside = sliding[:, :, None] * tangents[:, None, :]
+    found = covariance - beside - beside.transpose(0, 2, 1)
+    for end in (0, -1):
+        if not known[end]:
+            found[end] = factors[end] * covariance[end]
+    at = np.linspace(start, stop, count)
+    place = np.clip(np.searchsorted(reach, at) - 1, 0, len(reach) - 2)
+    share = (at - reach[place]) / (reach[place + 1] - reach[place])
+    share = np.clip(share, 0, 1)[:, None, None]
+    return np.asarray((1 - share) * found[place] + share * found[place + 1])
