@@ -69,7 +69,7 @@ def trim_along(observation: Observation, curve: Floats) -> Observation:
                 beyond[beyond] = at < first if end == first else at > last
                 kept = kept[~beyond]
                 # A device that comes back from beyond is not cut there.
-                if np.mean(kept @ line[:2] + line[2] < 0) < _BEYOND_CUT:
+                if np.sum(kept @ line[:2] + line[2] < 0) < _BEYOND_CUT * len(kept):
                     kept = kept[kept @ line[:2] + line[2] >= 0]
                     field = clipped(field, line)
         pixels.append(kept)

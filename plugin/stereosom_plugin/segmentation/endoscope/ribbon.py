@@ -19,7 +19,7 @@ from ..picture import Mask
 Evidence = Callable[[Any, Floats, Floats], Floats]
 
 # All of these in widths of the device.
-_SIDE, _BEYOND, _GAP = 2.0, 2.5, 6.0
+_SIDE, _BEYOND, _GAP = 2.0, 3.0, 6.0
 _ROW = 1 / 8  # from row to row of a straightened picture
 _STEEPEST = 2  # columns that the middle may move by from row to row
 _SMOOTH = 0.7  # along an edge

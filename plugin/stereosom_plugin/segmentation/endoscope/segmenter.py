@@ -148,11 +148,8 @@ class _Eye:
             return mask
         if found.width < _NARROW_PX or _meets_itself(found.points, found.width):
             return mask
-        # From end to end, without the last of the skeleton, which lean to a corner of the mask.
-        line, width = (
-            np.vstack([found.points[:1], found.points[2:-2], found.points[-1:]]),
-            found.width,
-        )
+        # How it heads is told by what lies before its ends, which lean to a corner of the mask.
+        line, width = found.points[1:-1], found.width
         for number in range(_LEARNED):
             ribbon = trace(picture, line, width, evidence, place_ends=self.finder.eager)
             if ribbon is None:
