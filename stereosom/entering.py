@@ -13,7 +13,7 @@ from .camera import StereoRig
 from .observation import Observation
 
 # Eyes that look the same way, within this, see a device run the same way.
-_ALIKE_DEG = 30.0
+_ALIKE_DEG = 15.0
 # A curve is gone on with by this share of its length, to find where it leaves a view.
 _BEYOND, _SAMPLES = 0.15, 400
 # A border is moved inwards only where no more of what is kept than this lies beyond.

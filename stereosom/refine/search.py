@@ -17,7 +17,7 @@ from ..reconstruction import HardFrame
 from .contour import Contour, mask_contour
 from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 from .reach import other_ends
-from .start import first_curve
+from .start import first_curve, matched_curve
 
 # Points of a curve that a fit begins with.
 _SAMPLES = 121
@@ -73,20 +73,27 @@ class TubeSearch:
     def anywhere(self, first: Floats | None = None) -> TubeFit:
         """Fit from the matched middle lines of both masks, or from a first curve, (n, 3) mm.
 
-        Of the two, where both are given, the better one.
+        Of the two, where both are given, the better one. Where the views stand far apart, each
+        matched pair of places is a good point already; where they are close, the points' depths
+        are not, and a curve is begun with that is smooth.
         """
         fits, refused = [], None
         if first is not None:
             with suppress(HardFrame):
                 fits.append(self._fit(first, _width_radius(self.seen, first), FROM_AFAR))
-        try:
-            curve, radius = first_curve(self.seen)
-            fits.append(self._fit(curve, radius, FROM_NEAR))
-            if _doubtful(fits[-1]):
-                with suppress(HardFrame):
-                    fits.append(self._fit(curve, radius, FROM_AFAR))
-        except HardFrame as error:
-            refused = error
+        close = eyes_alike(self.seen.rig)
+        begins = [(first_curve, FROM_NEAR), (first_curve, FROM_AFAR)]
+        if not close:
+            begins = [(matched_curve, FROM_AFAR), (first_curve, FROM_NEAR)]
+        for begin, gates in begins:
+            try:
+                curve, radius = begin(self.seen)
+                fits.append(self._fit(curve, radius, gates))
+            except HardFrame as error:
+                refused = error
+                continue
+            if not (_doubtful(fits[-1]) if close else _misses(fits[-1])):
+                break
         if not fits:
             raise refused or HardFrame("the two views do not show the same device")
         return self._with_better_ends(min(fits, key=_cost))

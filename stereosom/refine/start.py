@@ -5,15 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Floats
+from ..backbone import Backbone
 from ..camera import Camera, StereoRig, triangulate
 from ..depth_sweep import sweep_depth
-from ..matching import Matching, go_on, match_lines
+from ..matching import Matching, go_on, match_lines, space_curve
 from ..middle_line import MiddleLine, middle_line
 from ..middle_line.centering import directions
 from ..observation import Observation, View
 from ..reconstruction import HardFrame
 from .spline import ORDER, SplineBasis, spline_basis
 
+# Points of the curve that matched places make.
+_SAMPLES = 200
 # Points to a piece of the spline that is lifted, and pieces at least and at most.
 _POINTS_A_PIECE, _PIECES = 5, (20, 40)
 # Rounds of Gauss-Newton, and how often the stiffness is chosen anew in each.
@@ -58,12 +61,32 @@ def first_curve(seen: Observation) -> tuple[Floats, float]:
     except (ValueError, np.linalg.LinAlgError) as error:
         raise HardFrame(f"the two views' lines make no curve in space ({error})") from None
     curve = go_on(rig, curve, lines, matching, closed)
-    radii = [
-        line.width / 2 * float(camera.pixel_size(curve).mean())
-        for line, camera in ((line_a, rig.a), (line_b, rig.b))
-    ]
-    radius = float(np.mean(radii))
+    radius = _radius(rig, curve, (line_a.width, line_b.width))
     return _without_last(curve, radius), radius
+
+
+def matched_curve(seen: Observation) -> tuple[Floats, float]:
+    """As `first_curve`, straight through the matched places: good where the views are far apart.
+
+    The middle lines' ends, which lean to a corner of the masks, are left out.
+    """
+    rig = seen.rig
+    line_a, line_b = middle_line(seen.pixels_a), middle_line(seen.pixels_b)
+    points, _ = space_curve(rig, line_a.points[1:-1], line_b.points[1:-1])
+    radius = _radius(rig, points, (line_a.width, line_b.width))
+    try:
+        return Backbone.fit_spline(points, _PIECES[0]).polyline(_SAMPLES), radius
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise HardFrame(f"the two views' lines make no curve in space ({error})") from None
+
+
+def _radius(rig: StereoRig, curve: Floats, widths: tuple[float, float]) -> float:
+    """Of a device along a curve (n, 3), by its widths in both views, px, mm."""
+    radii = [
+        width / 2 * float(camera.pixel_size(curve).mean())
+        for width, camera in zip(widths, (rig.a, rig.b), strict=True)
+    ]
+    return float(np.mean(radii))
 
 
 def swept_curve(seen: Observation) -> Floats:
