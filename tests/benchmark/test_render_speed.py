@@ -32,12 +32,13 @@ def run(tmp_path_factory):
     inputs = []
     for view, camera in (("a", rig.a), ("b", rig.b)):
         (folder / view).mkdir()
-        noise = rng.normal(150, 20, camera.image_size[::-1])
+        # Of masks, what is brighter than half is device: the noise must stay below.
+        noise = rng.normal(50, 15, camera.image_size[::-1])
         for frame in range(FRAMES):
             if frame % 10 == 0:  # drawing it takes longer than all else here
                 device = silhouette(curve(frame), 1.0, camera)
             path = folder / view / f"{frame:03d}.png"
-            picture = np.where(device, 30, noise).clip(0, 255).astype(np.uint8)
+            picture = np.where(device, 225, noise).clip(0, 255).astype(np.uint8)
             Image.fromarray(picture).save(path, compress_level=1)
             inputs.append({"path": str(path), "sha256": ""})
     write_rig([rig], folder / "rig.json")
