@@ -143,6 +143,12 @@ def test_random_masks_end_in_a_result_or_a_reason():
     assert 5 < sum(found) < 150  # both ways of ending are tried
 
 
+@pytest.mark.parametrize("seed", [1843, 5588])
+def test_a_curve_whose_outline_is_nowhere_seen_is_refused(seed):
+    # Of both, the fit from afar was cut down to no points at all.
+    assert not try_pair(seed)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("thousand", range(10))
 def test_ten_thousand_random_masks_end_in_a_result_or_a_reason(thousand):

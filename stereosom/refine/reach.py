@@ -104,6 +104,8 @@ def seen_stretch(
         else:
             found[end] = at
     start, stop = max(found[0], 0), min(found[1], len(extended) - 1)
+    if stop - start < len(extended) // 10:
+        raise HardFrame("the fit follows too little of the device's outline")
     return np.asarray(extended[start : stop + 1])
 
 
