@@ -44,11 +44,11 @@ def check_array(values: Any, name: str, shape: tuple[int | None, ...]) -> Floats
         raise ValueError(f"{name}: not an array of numbers ({error})") from None
     if array.size == 0 and shape[0] is None:  # an empty list knows no columns
         array = array.reshape(0, *(length or 0 for length in shape[1:]))
-    wanted = "×".join("n" if length is None else str(length) for length in shape)
     fits = len(shape) == array.ndim and all(
         want is None or want == have for want, have in zip(shape, array.shape, strict=True)
     )
     if not fits:
+        wanted = "×".join("n" if length is None else str(length) for length in shape)
         have = "×".join(str(length) for length in array.shape) or "a single number"
         raise ValueError(f"{name}: must be {wanted}, is {have}")
     if not np.isfinite(array).all():

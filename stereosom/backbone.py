@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline, PchipInterpolator, make_interp_spline, make_lsq_spline
 
 from .arrays import Floats, check_array
+from .refine.kernels import kernels
 
 # Nodes and weights on [-1, 1]; ten points integrate the speed of a smooth span to 1e-12.
 _GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -160,12 +161,10 @@ class Backbone:
 
         Much faster than `sample`, which is exact.
         """
-        start, stop = self.knots[self.degree], self.knots[-self.degree - 1]
-        points = self._spline(start + (stop - start) / (2 * count) * np.arange(2 * count + 1))
-        steps = np.sqrt(np.sum((points[1:] - points[:-1]) ** 2, axis=1))
-        reach = np.concatenate([[0.0], np.cumsum(steps)])
-        even = reach[-1] / (count - 1) * np.arange(count)
-        return np.column_stack([np.interp(even, reach, axis) for axis in points.T])
+        basis = _even_basis(self.knots.tobytes(), self.degree, 2 * count + 1)
+        points = basis @ self.coefficients
+        found: Floats = kernels().evenly(points, kernels().reach_along(points), count)
+        return found
 
     @property
     def base(self) -> Floats:
@@ -301,6 +300,14 @@ def _reflections(across: Floats) -> Floats:
     square = np.sum(across**2, axis=1)[:, None, None]
     outer = across[:, :, None] * across[:, None, :]
     return np.asarray(np.eye(3) - np.where(square > 1e-24, 2 * outer / (square + 1e-300), 0.0))
+
+
+@lru_cache(maxsize=8)
+def _even_basis(knots: bytes, degree: int, count: int) -> Floats:
+    """A spline's basis (count, m) at even steps of its parameter: a run's curves share it."""
+    at = np.frombuffer(knots)
+    even = np.linspace(at[degree], at[-degree - 1], count)
+    return np.asarray(BSpline.design_matrix(even, at, degree).toarray())
 
 
 def _by_chord_length(points: Floats) -> tuple[Floats, Floats]:

@@ -153,8 +153,7 @@ def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
                 f"view {view}: {stray:.0%} of the pixels belong to no part of the curve that was "
                 "found"
             )
-        offsets = look.middle_offsets
-        residuals.append(float(np.sqrt(np.mean(offsets**2))) if len(offsets) else 0.0)
+        residuals.append(look.middle_offset)
     return residuals[0], residuals[1]
 
 

@@ -11,6 +11,7 @@ from .arrays import Booleans, Floats, check_array
 from .backbone import Backbone
 
 Status = Literal["ok", "predicted", "lost", "failed"]
+_STATUSES: tuple[str, ...] = get_args(Status)
 
 
 class HardFrame(ValueError):
@@ -58,8 +59,8 @@ class Reconstruction:
     radius: float | None = None
 
     def __post_init__(self) -> None:
-        if self.status not in get_args(Status):
-            raise ValueError(f"status: {self.status!r} is not one of {', '.join(get_args(Status))}")
+        if self.status not in _STATUSES:
+            raise ValueError(f"status: {self.status!r} is not one of {', '.join(_STATUSES)}")
         has_curve = self.status in ("ok", "predicted")
         parts = (self.backbone, self.covariance, self.residuals)
         if any((part is not None) != has_curve for part in parts):

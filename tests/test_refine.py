@@ -522,6 +522,8 @@ def test_compiled_account_of_the_rims(compiled, seed, n, capped, shown):
     picture = rng.normal(0, 100, (k, 2))
     given_to = (picture, seen, np.array(capped))
     assert compiled.unseen(*given_to) == pytest.approx(reference.unseen(*given_to), abs=1e-9)
+    given_to = (weight, total, n)
+    assert compiled.middle_offset(*given_to) == pytest.approx(reference.middle_offset(*given_to))
     given_to = (weight, total, 0.3, n)
     assert compiled.likeness(*given_to) == pytest.approx(reference.likeness(*given_to))
 
@@ -537,6 +539,37 @@ def test_compiled_rounding(compiled, seed, tilt, radius, together):
     weight = rng.random(len(picture)) * (rng.random(len(picture)) < 0.7)
     given_to = (picture, normals, weight, len(curve), together)
     assert_same([compiled.rounding(*given_to)], [reference.rounding(*given_to)])
+
+
+@often
+@given(SEEDS, st.integers(1, 60), st.integers(2, 90), st.booleans())
+def test_compiled_lengths(compiled, seed, n, count, halts):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(0, 30, (n, 3))
+    if halts:
+        points = np.repeat(points, 2, axis=0)
+    reach = reference.reach_along(points)
+    assert_same([compiled.reach_along(points)], [reach])
+    given_to = (points, reach, count)
+    assert_same([compiled.evenly(*given_to)], [reference.evenly(*given_to)])
+    given_to = (RIG.a.projection, points)
+    found, expected = compiled.steps_in_picture(*given_to), reference.steps_in_picture(*given_to)
+    assert_same([found[0], [found[1]]], [expected[0], [expected[1]]])
+
+
+def test_steps_in_a_picture_and_points_at_even_steps():
+    corner = np.array([[0.0, 0, 0], [0, 0, 30], [40, 0, 30]])
+    reach = reference.reach_along(corner)
+    np.testing.assert_allclose(reach, [0, 30, 70])
+    even = reference.evenly(corner, reach, 8)
+    np.testing.assert_allclose(
+        even[[0, 2, 4, 7]], [[0, 0, 0], [0, 0, 20], [10, 0, 30], [40, 0, 30]]
+    )
+    # A camera at (0, 0, -100) of focal length 500: 500 * 40 / 130 px across, nothing along.
+    projection = np.array([[500.0, 0, 0, 0], [0, 500, 0, 0], [0, 0, 1, 100]])
+    steps, depth = reference.steps_in_picture(projection, corner)
+    np.testing.assert_allclose(steps, [0, 500 * 40 / 130])
+    assert depth == 120
 
 
 # ---- numba is a choice -----------------------------------------------------------------

@@ -243,9 +243,8 @@ def _reach_in_pictures(rig: StereoRig, curve: Floats) -> Floats:
 
     Where the views leave depth open, length in space would count errors of it.
     """
-    steps = [
-        np.linalg.norm(np.diff(camera.project(curve), axis=0), axis=1)
-        * float(camera.pixel_size(curve).mean())
-        for camera in (rig.a, rig.b)
-    ]
-    return np.concatenate([[0.0], np.cumsum(np.maximum(*steps))])
+    steps = np.zeros(len(curve) - 1)
+    for camera in (rig.a, rig.b):
+        pixels, depth = kernels().steps_in_picture(camera.projection, curve)
+        steps = np.maximum(steps, pixels * (depth / camera.focal_length))
+    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -209,12 +209,9 @@ class Look:
         return offsets[0], offsets[1]
 
     @property
-    def middle_offsets(self) -> Floats:
-        """How far the middle between both rims lies beside the curve, px, where both are seen."""
-        left, right, _, _ = pieces(self.samples)
-        both = (self.weight[left] > 0) & (self.weight[right] > 0)
-        mean = self.total / np.maximum(self.weight, 1e-12)
-        return np.asarray((mean[left] - mean[right])[both] / 2)
+    def middle_offset(self) -> float:
+        """How far the middle between both rims lies beside the curve, RMS, px."""
+        return float(kernels().middle_offset(self.weight, self.total, self.samples))
 
 
 _CAP = len(owners(1)) // 2 - 1

@@ -16,6 +16,7 @@ from ..observation import Observation, View
 from ..reconstruction import HardFrame
 from .contour import Contour, mask_contour
 from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
+from .kernels import kernels
 from .reach import other_ends
 from .start import first_curve, matched_curve
 
@@ -195,8 +196,8 @@ def _width_radius(seen: Observation, curve: Floats) -> float:
     radii = []
     curve = curve[::4]
     for camera, pixels in ((seen.rig.a, seen.pixels_a), (seen.rig.b, seen.pixels_b)):
-        steps = np.linalg.norm(np.diff(camera.project(curve), axis=0), axis=1)
+        steps, depth = kernels().steps_in_picture(camera.projection, curve)
         half_width = len(pixels) / max(float(steps.sum()), 1.0) / 2
-        radii.append(half_width * float(camera.pixel_size(curve).mean()))
+        radii.append(half_width * depth / camera.focal_length)
     # Dirt adds to an area, and holes take from it; a device that went is no wide one.
     return float(min(radii))

@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ..arrays import Floats, Integers
 from ..backbone import Backbone
+from .kernels import kernels
 
 DEGREE = 3
 # Samples of the curve a piece: fine enough that an outline between two of them is an arc.
@@ -79,10 +80,8 @@ class SplineBasis:
             What the speed is measured by: growing along the polyline. Default: its length.
         """
         if reach is None:
-            steps = np.sqrt(np.sum((polyline[1:] - polyline[:-1]) ** 2, axis=1))
-            reach = np.concatenate([[0.0], np.cumsum(steps)])
-        even = reach[-1] / (self.samples - 1) * np.arange(self.samples)
-        return self.through(np.column_stack([np.interp(even, reach, axis) for axis in polyline.T]))
+            reach = kernels().reach_along(polyline)
+        return self.through(kernels().evenly(polyline, reach, self.samples))
 
     def roughness_like(self, control: Floats) -> Floats:
         """A measure (m, m) like `roughness` that allows bends where a curve has them already.

@@ -1,7 +1,8 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
-from .edges import contour, look, match, rims_seen, unseen
+from .edges import contour, look, match, middle_offset, rims_seen, unseen
 from .equations import by_length, covariance, step, sweep
+from .lengths import evenly, reach_along, steps_in_picture
 from .noise import likeness, rounding
 from .outline import outline
 
@@ -9,13 +10,17 @@ __all__ = [
     "by_length",
     "contour",
     "covariance",
+    "evenly",
     "likeness",
     "look",
     "match",
+    "middle_offset",
     "outline",
+    "reach_along",
     "rims_seen",
     "rounding",
     "step",
+    "steps_in_picture",
     "sweep",
     "unseen",
 ]

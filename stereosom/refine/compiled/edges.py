@@ -53,6 +53,7 @@ def contour(pixels):  # type: ignore[no-untyped-def]
             at = np.sort(at)
             break
     points, directions = np.empty((count, 2)), np.empty((count, 2))
+    around = AROUND[:, 1] * width + AROUND[:, 0]
     k = 0
     for step, across_x, across_y in (
         (1, 0.5, 0.0),
@@ -65,12 +66,13 @@ def contour(pixels):  # type: ignore[no-untyped-def]
                 continue
             points[k, 0] = at[i] % width + across_x + left
             points[k, 1] = at[i] // width + across_y + top
-            x, y = 0.5 * across_x, 0.5 * across_y
-            for j in range(len(AROUND)):
-                near = at[i] + AROUND[j, 1] * width + AROUND[j, 0]
+            to_x, to_y = 0, 0
+            for j in range(len(around)):
+                near = at[i] + around[j]
                 beside = (inside[near] != 0) + (inside[near + step] != 0)
-                x -= beside * AROUND[j, 0]
-                y -= beside * AROUND[j, 1]
+                to_x += beside * AROUND[j, 0]
+                to_y += beside * AROUND[j, 1]
+            x, y = 0.5 * across_x - to_x, 0.5 * across_y - to_y
             length = max(np.sqrt(x**2 + y**2), 1e-9)
             directions[k, 0], directions[k, 1] = x / length, y / length
             k += 1
@@ -207,6 +209,18 @@ def rims_seen(weight, squares, samples, tolerance):  # type: ignore[no-untyped-d
             if weight[k] > 0 and np.sqrt(squares[k] / max(weight[k], 1e-12)) < tolerance:
                 seen[rim, max(i - 2, 0) : i + 3] = True
     return seen
+
+
+@compiled
+def middle_offset(weight, total, samples):  # type: ignore[no-untyped-def]
+    """As `reference.middle_offset`."""
+    squares, count = 0.0, 0
+    for i in range(samples):
+        left, right = weight[i], weight[samples + i]
+        if left > 0 and right > 0:
+            squares += ((total[i] / left - total[samples + i] / right) / 2) ** 2
+            count += 1
+    return np.sqrt(squares / max(count, 1))
 
 
 @compiled

@@ -36,18 +36,19 @@ def rounding(picture, normals, weight, samples, together):  # type: ignore[no-un
                     for padded in (real[h], imaginary[h]):
                         padded[:wide], padded[n + wide :] = padded[wide], padded[n + wide - 1]
                     for k in range(n):
-                        x, y = 0.0, 0.0
-                        for j in range(2 * wide + 1):
-                            x += bell[j] * real[h, k + j]
-                            y += bell[j] * imaginary[h, k + j]
+                        x, y = bell[wide] * real[h, wide + k], bell[wide] * imaginary[h, wide + k]
+                        for j in range(wide):  # a bell is alike on both sides
+                            other = k + 2 * wide - j
+                            x += bell[j] * (real[h, k + j] + real[h, other])
+                            y += bell[j] * (imaginary[h, k + j] + imaginary[h, other])
                         of_axis[k] += (x**2 + y**2) * share
                 else:
-                    x, y, crossed = 0.0, 0.0, 0.0
+                    cos, sin, crossed = 0.0, 0.0, 0.0
                     for k in range(n):
                         w = weight[start + k] * abs(normals[start + k, axis])
-                        x, y = x + w * real[h, wide + k], y + w * imaginary[h, wide + k]
+                        cos, sin = cos + w * real[h, wide + k], sin + w * imaginary[h, wide + k]
                         crossed += w
-                    of_axis += (x**2 + y**2) / max(crossed, 1e-9) ** 2 * share
+                    of_axis += (cos**2 + sin**2) / max(crossed, 1e-9) ** 2 * share
             for k in range(n):
                 shared[start + k] = max(shared[start + k], of_axis[k])
         if number < 2:

@@ -5,8 +5,9 @@ of the n samples of the curve, then the right rim, then `CAP_POINTS` around the 
 and as many around the tip's.
 """
 
-from .edges import contour, look, match, rims_seen, unseen
+from .edges import contour, look, match, middle_offset, rims_seen, unseen
 from .equations import assemble, by_length, covariance, step, sweep
+from .lengths import evenly, reach_along, steps_in_picture
 from .noise import HARMONICS, likeness, rounding
 from .outline import CAP_POINTS, NOWHERE, outline, owners, pieces
 
@@ -18,15 +19,19 @@ __all__ = [
     "by_length",
     "contour",
     "covariance",
+    "evenly",
     "likeness",
     "look",
     "match",
+    "middle_offset",
     "outline",
     "owners",
     "pieces",
+    "reach_along",
     "rims_seen",
     "rounding",
     "step",
+    "steps_in_picture",
     "sweep",
     "unseen",
 ]

@@ -214,6 +214,23 @@ def rims_seen(weight: Floats, squares: Floats, samples: int, tolerance: float) -
     return np.asarray(maximum_filter1d(np.stack([seen[left], seen[right]]), 5, axis=1))
 
 
+def middle_offset(weight: Floats, total: Floats, samples: int) -> float:
+    """RMS of how far the middle between both rims lies beside the curve, px; 0 where none is seen.
+
+    Parameters
+    ----------
+    weight, total
+        As in `Look`.
+    samples : int
+        Of the curve.
+    """
+    left, right, _, _ = pieces(samples)
+    both = (weight[left] > 0) & (weight[right] > 0)
+    mean = total / np.maximum(weight, 1e-12)
+    offsets = (mean[left] - mean[right])[both] / 2
+    return float(np.sqrt(np.mean(offsets**2))) if len(offsets) else 0.0
+
+
 def unseen(picture: Floats, seen: Booleans, capped: Booleans) -> float:
     """Length of the rims that show no edges, px; where the tube goes on, from the first on.
 

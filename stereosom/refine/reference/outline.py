@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -119,6 +120,7 @@ def owners(samples: int) -> Integers:
     return np.concatenate([every, every, np.full(CAP_POINTS, 0), np.full(CAP_POINTS, samples - 1)])
 
 
+@cache
 def pieces(samples: int) -> tuple[slice, slice, slice, slice]:
     """Both rims and both flat ends among the points of an outline."""
     stops = [0, samples, 2 * samples, 2 * samples + CAP_POINTS, 2 * samples + 2 * CAP_POINTS]
