@@ -22,7 +22,7 @@ from .numba_options import compiled
 from .outline import outline
 
 # Outline points are kept in cells of this size, px.
-CELL_PX = 8.0
+CELL_PX = 4.0
 
 
 @compiled
