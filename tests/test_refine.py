@@ -182,6 +182,18 @@ def test_edges_on_the_outline_have_no_residual_and_those_beside_it_their_distanc
         np.testing.assert_allclose(residual[rims], beside, atol=1e-9)
 
 
+def test_edges_that_belong_nowhere_are_counted_at_the_end_they_lie_about():
+    # A tube of radius 7 mm, 10 mm too short: its true flat end, a line across the picture, lies
+    # within two half widths of the tip, and so do 10 - 4 mm of each rim and no edge of the base.
+    contours = seen([0, 0, 20], [0, 0, 130], radius=7.0)
+    for look in looks_at(straight([0, 0, 20], [0, 0, 130], radius=7.0), contours, gate=3.0):
+        assert look.stray_at_ends == (0, 0)
+    for look in looks_at(straight([0, 0, 20], [0, 0, 120], radius=7.0), contours, gate=3.0):
+        base, tip = look.stray_at_ends
+        assert base == 0
+        assert 2 * look.half_width < tip < 2 * look.half_width + 2 * 10 / 7 * look.half_width
+
+
 def test_edges_that_face_the_other_way_belong_nowhere():
     picture, normals, *_, bend = outline_of(straight([0, 0, 20], [0, 0, 130]), RIG.a)
     nearest, residual = reference.match(

@@ -40,6 +40,8 @@ _APART_PX, _SHORTENED = 2.0, 0.5
 _TURNING = 5.0
 # A flat end whose squared residuals are so many times those of all is odd.
 _ODD, _ODD_PX2 = 2.0, 1.0
+# So is one beside which so many edges belong nowhere, as a share of its half width, and number.
+_BESIDE, _BESIDE_PX = 1.0, 4.0
 # The flat end of a device of a smaller half width is too small to judge, px.
 _NARROW_PX = 2.0
 # What the evidence most often finds for a spline's roughness, times its stiffness, px².
@@ -103,7 +105,8 @@ class TubeFit:
             unseen = not look.cap_seen[end] and look.half_width > _NARROW_PX
             piece = pieces(look.samples)[2 + end]
             odd = _ODD * look.spread * float(look.weight[piece].sum()) + _ODD_PX2
-            if unseen or float(look.squares[piece].sum()) > odd:
+            beside = look.stray_at_ends[end] > _BESIDE * look.half_width + _BESIDE_PX
+            if unseen or beside or float(look.squares[piece].sum()) > odd:
                 return True
         return False
 

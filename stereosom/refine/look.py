@@ -85,6 +85,8 @@ class Look:
     alone : float
         Sum of squared weighted residuals over the sum of weights, px²: what the square of the
         former's sum over the latter's is on the mean, if each residual is on its own.
+    stray_at_ends : (int, int)
+        Number of points of the contour that belong nowhere, about the base and about the tip.
     """
 
     picture: Floats
@@ -101,6 +103,7 @@ class Look:
     edges: int
     told: int
     alone: float
+    stray_at_ends: tuple[int, int]
 
     @classmethod
     def at(
@@ -144,10 +147,11 @@ class Look:
         except ValueError:
             raise HardFrame("the fit runs behind a camera") from None
         picture, normals, pull, turn, grow, weight, total, squares, numbers = looked
-        noise, stray, half_width, told, alone = numbers.tolist()
+        noise, stray, half_width, told, alone, *about = numbers.tolist()
         return cls(
             picture, normals, pull, turn, grow, weight, total, squares,
             noise, stray, half_width, len(contour), int(told), alone,
+            (int(about[0]), int(about[1])),
         )  # fmt: skip
 
     @property

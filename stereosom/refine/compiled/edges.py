@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..reference.edges import (
+    ABOUT,
     AGREEING,
     ALONG_PX,
     AROUND,
@@ -174,10 +175,18 @@ def look(projection, center, curve, tangents, radius, capped, points, directions
             limit = max(FARTHEST, SPREADS * spread)
     count = len(picture)
     weight, total, squares = np.zeros(count), np.zeros(count), np.zeros(count)
+    ends, about = np.empty((2, 2)), np.zeros(2)
+    for end in range(2):
+        at = end * (len(curve) - 1)
+        for axis in range(2):
+            ends[end, axis] = (picture[at, axis] + picture[len(curve) + at, axis]) / 2
     kept, weights, pulls, holds = 0, 0.0, 0.0, 0.0
     for i in range(len(points)):
         k, r = nearest[i], residual[i]
         if k < 0 or not abs(r) < limit:
+            for end in range(2):
+                away = (points[i, 0] - ends[end, 0]) ** 2 + (points[i, 1] - ends[end, 1]) ** 2
+                about[end] += away < (ABOUT * half_width) ** 2
             continue
         far = (r / (2 * spread)) ** 2 if spread > 0 else 0.0
         w = 1 / (1 + far)
@@ -195,7 +204,9 @@ def look(projection, center, curve, tangents, radius, capped, points, directions
     told = 0
     for k in range(count):
         told += weight[k] > 0
-    numbers = np.array([noise, 1 - kept / max(len(points), 1), half_width, told, alone])
+    numbers = np.array(
+        [noise, 1 - kept / max(len(points), 1), half_width, told, alone, about[0], about[1]]
+    )
     return picture, normals, pull, turn, grow, weight, total, squares, numbers
 
 

@@ -20,6 +20,8 @@ TURNED = 0.75
 # Without a gate, edges are looked for this near, px; an edge cannot be told better than to
 # LEAST_SPREAD, and is no part that is farther off than this, in spreads and in px.
 NEAR_PX, LEAST_SPREAD, SPREADS, FARTHEST = 5.0, 0.5, 4.0, 2.0
+# An edge lies about an end that is no farther off than so many half widths.
+ABOUT = 2.0
 # The outward direction of a mask's edge is read off the pixels around it, within this distance.
 _AROUND_PX = 3
 MARGIN = _AROUND_PX + 2
@@ -143,9 +145,10 @@ def look(
     -------
     picture, normals, pull, turn, grow, weight, total, squares : arrays
         As in `Look`.
-    (5,) array
+    (7,) array
         Noise, share of stray edges and half width, as in `Look`; number of points of the outline
-        that edges belong to; the sum of squared weighted residuals over that of weights, px².
+        that edges belong to; the sum of squared weighted residuals over that of weights, px²;
+        number of stray edges about the base, and about the tip.
 
     Raises
     ------
@@ -164,12 +167,15 @@ def look(
         picture, normals, bend, len(curve), points, directions, turning, reach
     )
     found = nearest >= 0
-    nearest, residual = nearest[found], residual[found]
     spread, limit = 0.0, gate
-    if gate <= 0 and len(residual):
-        spread = max(LEAST_SPREAD, 1.4826 * float(np.median(np.abs(residual))))
+    if gate <= 0 and found.any():
+        spread = max(LEAST_SPREAD, 1.4826 * float(np.median(np.abs(residual[found]))))
         limit = max(FARTHEST, SPREADS * spread)
-    kept = np.abs(residual) < limit
+    kept = found & (np.abs(residual) < limit)
+    left, right, _, _ = pieces(len(curve))
+    ends = (picture[left][[0, -1]] + picture[right][[0, -1]]) / 2
+    away = np.linalg.norm(points[~kept][:, None] - ends, axis=2)
+    about_base, about_tip = np.count_nonzero(away < ABOUT * half_width, axis=0)
     nearest, residual = nearest[kept], residual[kept]
     far = (residual / (2 * spread)) ** 2 if spread > 0 else np.zeros(len(residual))
     weight = 1 / (1 + far)
@@ -188,7 +194,7 @@ def look(
         picture, normals, pull, turn, grow, sums[0], sums[1], sums[2],
         np.array([
             noise, 1 - len(residual) / max(len(points), 1), half_width, np.count_nonzero(sums[0]),
-            alone,
+            alone, about_base, about_tip,
         ]),
     )  # fmt: skip
 
