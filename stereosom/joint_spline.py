@@ -85,7 +85,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     """
     if not isinstance(options, JointSplineOptions):
         options = options or Options()
-        options = JointSplineOptions(prior=options.prior, start=options.start)
+        options = JointSplineOptions(options.prior, options.start, options.tried)
     if observation.kind != "filled":
         raise HardFrame("joint-spline needs filled masks: fill the outlines, or use stereo-som")
     for view, pixels in (("a", observation.pixels_a), ("b", observation.pixels_b)):
@@ -101,7 +101,11 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     else:
         seen = trim_to_shared_stretch(observation)
     search = TubeSearch.of(seen, options.prior.radius, options.segments)
-    fit = search.near(options.start) if options.start else search.anywhere(first)
+    tried = None
+    if options.start:
+        fit, tried = search.near(options.start, options.tried)
+    else:
+        fit = search.anywhere(first)
     residuals = _check(seen, fit)
     opened = (not fit.tube.capped[0], not fit.tube.capped[1])
     backbone, shares = _shown_stretch(seen, fit, opened)
@@ -110,6 +114,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     turned, because = _base_last(backbone, opened, seen, options)
     if turned:
         backbone, covariance = backbone.reversed(), covariance[::-1]
+        tried = tried and tried.reversed()
     return Reconstruction(
         index=observation.index,
         time=observation.time,
@@ -120,6 +125,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
         covariance=covariance,
         residuals=residuals,
         radius=fit.radius,
+        tried=tried,
     )
 
 
