@@ -118,16 +118,20 @@ class TubeSearch:
             fit = self._nearer_or_farther(fit)
         if _as_good(fit, tried):
             return fit, tried
+        odd = fit.odd_ends
         if not fit.ends_seen:
             with suppress(HardFrame):
                 fit = min(fit, self._fit(curve, radius, FROM_NEAR), key=_cost)
+            if _as_good(fit, tried):
+                return fit, tried
         fit = self._with_better_ends(fit)
         if _doubtful(fit):
             with suppress(HardFrame):
                 other = self.anywhere(curve if eyes_alike(self.seen.rig) else None)
                 # As good a fit elsewhere is no reason to leave what was followed.
                 fit = other if other.cost < _BETTER * fit.cost else fit
-        return fit, Tried(fit.odd_ends, _cost_per_edge(fit)) if _doubtful(fit) else None
+        odd = (odd[0] or fit.odd_ends[0], odd[1] or fit.odd_ends[1])
+        return fit, Tried(odd, _cost_per_edge(fit)) if any(odd) or _doubtful(fit) else None
 
     def _gates(self, curve: Floats, radius: float) -> Sequence[float]:
         """For a curve that is followed: a device that is wide in the picture moves farther."""
