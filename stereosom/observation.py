@@ -104,7 +104,7 @@ class Observation:
                     f"mask {view}: is {size} pixels, its camera's picture is {width}×{height}; "
                     "give the mask and the calibration of the same picture"
                 )
-            row, column = np.nonzero(mask)
+            row, column = np.divmod(np.flatnonzero(mask), width)
             pixels.append(np.column_stack([column, row]).astype(np.float64))
         return cls(pixels[0], pixels[1], rig, **described)
 
