@@ -313,10 +313,12 @@ def _fill(cv2: Any, drawn: Any, outline: Floats) -> None:
     points = np.rint(((outline - low + 0.5) * 4 - 0.5) * 16).astype(np.int32)
     cv2.fillPoly(window, [points], 255, lineType=cv2.LINE_8, shift=4)
     part = drawn[low[1] : high[1], low[0] : high[0]]
+    touched = np.zeros(part.shape, dtype=np.uint8)
+    cv2.fillPoly(touched, [np.rint((outline - low) * 16).astype(np.int32)], 1, cv2.LINE_8, 4)
     for top in range(0, len(part), _TILE):
         for left in range(0, part.shape[1], _TILE):
             place = (slice(top, top + _TILE), slice(left, left + _TILE))
-            fine = window[4 * top : 4 * (top + _TILE), 4 * left : 4 * (left + _TILE)]
-            if cv2.countNonZero(fine):  # a long device leaves most of its window empty
+            if touched[place].any():  # a long device leaves most of its window empty
+                fine = window[4 * top : 4 * (top + _TILE), 4 * left : 4 * (left + _TILE)]
                 small = cv2.resize(fine, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
                 part[place] |= (small > 127).astype(np.uint8)
