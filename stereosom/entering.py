@@ -64,14 +64,17 @@ def trim_along(observation: Observation, curve: Floats) -> Observation:
             if 0 < end < len(way) - 1 and len(kept):
                 heading = inward * (way[end + 1] - way[end - 1])
                 line = np.append(heading, -heading @ way[end])
-                beyond = kept @ line[:2] + line[2] < 0
+                height = kept @ line[:2] + line[2]
+                beyond = np.flatnonzero(height < 0)
                 at = tree.query(kept[beyond])[1]
-                beyond[beyond] = at < first if end == first else at > last
-                kept = kept[~beyond]
+                inside = np.ones(len(kept), dtype=bool)
+                inside[beyond[at < first if end == first else at > last]] = False
                 # A device that comes back from beyond is not cut there.
-                if np.sum(kept @ line[:2] + line[2] < 0) < _BEYOND_CUT * len(kept):
-                    kept = kept[kept @ line[:2] + line[2] >= 0]
+                comes_back = np.count_nonzero(height[inside] < 0)
+                if comes_back < _BEYOND_CUT * np.count_nonzero(inside):
+                    inside &= height >= 0
                     field = clipped(field, line)
+                kept = kept[inside]
         pixels.append(kept)
         fields.append(field)
     if min(len(kept) for kept in pixels) == 0:

@@ -28,6 +28,8 @@ _COVARIANCES = 100
 # The picture of a flat end does not change in proportion to its tilt, as a covariance takes it
 # to: its deviation grows by this factor, which is measured (`stereosom experiment coverage`).
 _END_FACTOR = 1.5
+# A curve is looked at in so many steps, and in so many of one of those, for where it leaves a view.
+_STEPS, _FINE = 200, 10
 # So many pixels, evenly drawn, tell how much lies beside the device.
 _DRAWN = 600
 _LITTLE_STRAY = 0.1
@@ -85,7 +87,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     """
     if not isinstance(options, JointSplineOptions):
         options = options or Options()
-        options = JointSplineOptions(prior=options.prior, start=options.start)
+        options = JointSplineOptions(options.prior, options.start, options.tried)
     if observation.kind != "filled":
         raise HardFrame("joint-spline needs filled masks: fill the outlines, or use stereo-som")
     for view, pixels in (("a", observation.pixels_a), ("b", observation.pixels_b)):
@@ -101,7 +103,11 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     else:
         seen = trim_to_shared_stretch(observation)
     search = TubeSearch.of(seen, options.prior.radius, options.segments)
-    fit = search.near(options.start) if options.start else search.anywhere(first)
+    tried = None
+    if options.start:
+        fit, tried = search.near(options.start, options.tried)
+    else:
+        fit = search.anywhere(first)
     residuals = _check(seen, fit)
     opened = (not fit.tube.capped[0], not fit.tube.capped[1])
     backbone, shares = _shown_stretch(seen, fit, opened)
@@ -110,6 +116,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     turned, because = _base_last(backbone, opened, seen, options)
     if turned:
         backbone, covariance = backbone.reversed(), covariance[::-1]
+        tried = tried and tried.reversed()
     return Reconstruction(
         index=observation.index,
         time=observation.time,
@@ -120,6 +127,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
         covariance=covariance,
         residuals=residuals,
         radius=fit.radius,
+        tried=tried,
     )
 
 
@@ -164,15 +172,28 @@ def _shown_stretch(
     backbone = fit.backbone
     if not (opened[0] or opened[1]):
         return backbone, (0.0, 1.0)
-    s = backbone.arc_lengths(2000)
-    points = backbone(s)
-    inside = np.ones(len(s), dtype=bool)
-    assert seen.field_of_view is not None
-    for camera, corners in zip((seen.rig.a, seen.rig.b), seen.field_of_view, strict=True):
-        inside &= in_polygon(corners, camera.project(points))
-    shown = s[inside]
+    corners = seen.field_of_view
+    assert corners is not None
+
+    def shown_of(s: Floats) -> Floats:
+        points = backbone(s)
+        inside = [
+            in_polygon(*view)
+            for view in zip(
+                corners, (seen.rig.a.project(points), seen.rig.b.project(points)), strict=True
+            )
+        ]
+        return np.asarray(s[inside[0] & inside[1]])
+
+    steps = backbone.arc_lengths(_STEPS)
+    shown = shown_of(steps)
     if len(shown) < 2:
         return backbone, (0.0, 1.0)
+    # Between the last step outside and the first inside, as finely.
+    for end, outward in ((0, -1), (-1, 1)):
+        fine = shown[end] + outward * steps[1] * np.linspace(0, 1, _FINE, endpoint=False)
+        found = shown_of(np.clip(fine, 0, backbone.length))
+        shown[end] = found[-1]
     start = float(shown[0]) if opened[0] else 0.0
     stop = float(shown[-1]) if opened[1] else backbone.length
     shares = start / backbone.length, stop / backbone.length

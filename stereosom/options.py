@@ -9,6 +9,7 @@ import numpy as np
 
 from .arrays import Floats, check_array
 from .backbone import Backbone
+from .reconstruction import Tried
 
 # What is shorter than an atom or longer than a kilometre is a slip of the finger or of the unit.
 _SHORTEST_MM, _FARTHEST_MM = 1e-7, 1e6
@@ -66,10 +67,13 @@ class Options:
     prior : Prior
     start : Backbone, optional
         A curve to start from, most often that of the frame before.
+    tried : Tried, optional
+        What the frame before has tried in vain: not tried again where this one is no worse.
     """
 
     prior: Prior = field(default_factory=Prior)
     start: Backbone | None = None
+    tried: Tried | None = None
 
 
 def check_whole(value: Any, name: str, least: int, most: int) -> None:

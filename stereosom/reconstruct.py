@@ -87,9 +87,10 @@ def track(
 ) -> Iterator[Reconstruction]:
     """Reconstruct a run, one result per observation, each starting from the one before.
 
-    Nothing is kept but the last curve and its motion. Where a view shows nothing, the curve is
-    carried on for up to ten frames, with status `predicted` and an uncertainty that grows; after
-    that it is `lost` until the device is seen again. Where the device is not found near where
+    Nothing is kept but the last curve, its motion, and what was tried in vain to better it.
+    Where a view shows nothing, the curve is carried on for up to ten frames, with status
+    `predicted` and an uncertainty that grows; after that it is `lost` until the device is seen
+    again. Where the device is not found near where
     it is expected, it is searched for anew in the whole picture, and the result says so.
 
     Parameters
@@ -113,7 +114,9 @@ def track(
                     observation.index, observation.time, "lost", f"{hidden}; {since}", method
                 )
             continue
-        result = reconstruct(observation, method=method, options=replace(given, start=start))
+        tried = None if motion is None else motion.last.tried
+        followed = replace(given, start=start, tried=tried)
+        result = reconstruct(observation, method=method, options=followed)
         if not result.ok and start is not None:
             why = result.reason
             base = given.prior.base if motion is None else start.base

@@ -18,6 +18,26 @@ class HardFrame(ValueError):
     """A method's word that it cannot reconstruct this observation, and why."""
 
 
+@dataclass(frozen=True)
+class Tried:
+    """A fit that stayed doubtful after all was tried, for the frame that follows it.
+
+    Attributes
+    ----------
+    odd_ends : (bool, bool)
+        Whether the base, and the tip, is seen worse than the rest.
+    cost : float
+        Per point of the outlines, px².
+    """
+
+    odd_ends: tuple[bool, bool]
+    cost: float
+
+    def reversed(self) -> Tried:
+        """The same of the curve from tip to base."""
+        return Tried(self.odd_ends[::-1], self.cost)
+
+
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
     """What was made of one observation.
@@ -41,6 +61,8 @@ class Reconstruction:
         RMS reprojection residual of view a and of view b, px.
     radius : float, optional
         Of the device, mm, where known.
+    tried : Tried, optional
+        What a tracker need not try again in the next frame.
 
     Raises
     ------
@@ -57,6 +79,7 @@ class Reconstruction:
     covariance: Floats | None = None
     residuals: tuple[float, float] | None = None
     radius: float | None = None
+    tried: Tried | None = None
 
     def __post_init__(self) -> None:
         if self.status not in _STATUSES:

@@ -16,6 +16,7 @@ from stereosom_plugin.lens import (
     undistorted_field,
     undistorted_mask_pixels,
 )
+from stereosom_plugin.lens import mask as undistorting
 
 K = np.array([[900.0, 0, 630], [0, 910, 500], [0, 0, 1]])
 # k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau x, tau y
@@ -152,6 +153,7 @@ def test_a_grid_that_shows_no_distortion_map_is_refused(seen, true, says):
 # ---- the device's pixels -------------------------------------------------------------
 
 BARREL = RadialTangentialLens(K, [-0.25, 0.08, 0, 0, 0])
+PINCUSHION = RadialTangentialLens(K, [0.2, -0.02, 2e-3, -3e-3, 0])
 
 
 def seen_disc(lens, center, radius, size=(1280, 1000)):
@@ -169,6 +171,19 @@ def test_a_mask_is_undistorted_without_holes_and_to_its_true_size():
     assert len(pixels) == pytest.approx(np.pi * 40**2, rel=0.01)
     assert pixels.mean(axis=0) == pytest.approx([150, 120], abs=0.1)
     assert np.linalg.norm(pixels - [150, 120], axis=1).max() < 41.5
+
+
+@pytest.mark.parametrize("lens", [BARREL, PINCUSHION], ids=["barrel", "pincushion"])
+def test_a_mask_is_undistorted_by_cells_as_pixel_by_pixel(lens):
+    row, column = np.indices((1000, 1280))
+    away = np.hypot(column - 500, row - 700)
+    ring = (away > 280) & (away < 330)  # it leaves the picture below, and has a hole
+    thin = np.abs(column - 1200 - 30 * np.sin(row / 40)) < 1
+    specks = np.random.default_rng(5).random(ring.shape) > 0.9995
+    for mask in (ring, thin, specks, ring | thin | specks):
+        by_cells = undistorting._by_cells(mask, lens)
+        assert by_cells is not None
+        assert np.array_equal(by_cells, undistorting._by_pixels(mask, lens))
 
 
 def test_an_empty_mask_has_no_pixels():
@@ -206,7 +221,7 @@ def test_the_border_that_a_device_crosses_stays_a_border():
 
 def test_without_a_device_the_field_is_the_hull_of_the_bent_border():
     corners = np.array([[-0.5, -0.5], [1279.5, -0.5], [1279.5, 999.5], [-0.5, 999.5]])
-    field = undistorted_field(corners, BARREL, np.zeros((1000, 1280), dtype=bool))
+    field = undistorted_field(corners, BARREL, np.empty((0, 2)))
     assert BARREL.undistort(corners[:1])[0] == pytest.approx(field[np.argmin(field.sum(axis=1))])
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..arrays import Booleans, Floats
@@ -20,6 +22,8 @@ _SHORTENED = 0.4
 _RIMS = 2
 # Wrongly bent ends reach in so many radii; so far from the end the curve tells how it runs on.
 _BENT, _BEFORE = 3.0, 9.0
+# A view looks along an end that it sees shortened to less than this share.
+_ALONG = 0.7
 # The oval of a flat end seen obliquely looks like more of the rims, for less than so many radii.
 _SLACK = 2.5
 
@@ -117,10 +121,8 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     bends to the other side, or nearer to the cameras, or farther from them. Where no view shows
     its last stretch, that is cut off.
     """
-    curve, tangent = tube.curve, tube.tangents[-end]
-    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
-    reach = np.concatenate([[0.0], np.cumsum(steps)])
-    from_end = (reach if end == 0 else reach[-1] - reach) / (_BEFORE * tube.radius)
+    curve = tube.curve
+    from_end = _from_end(tube, end)
     last = from_end < _BENT / _BEFORE
     before = ~last & (from_end < 1)
     if before.sum() < 4:
@@ -129,14 +131,8 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     for axis in range(3):
         way = np.polynomial.Polynomial.fit(from_end[before], curve[before, axis], 2, domain=[0, 1])
         straight[last, axis] = way(from_end[last])
-    depth = (
-        rig.a.rays(rig.a.project(curve[-end:][:1])) + rig.b.rays(rig.b.project(curve[-end:][:1]))
-    )[0]
-    depth -= (depth @ tangent) * tangent
-    depth *= tube.radius / max(float(np.linalg.norm(depth)), 1e-9)
-    bent = np.maximum(1 - from_end, 0)[:, None] ** 2 * depth
     others = [straight, 2 * straight - curve]
-    others += [curve + share * bent for share in (1.0, -1.0, 0.5, -0.5)]
+    others += bent_in_depth(rig, tube, end, (1.0, -1.0, 0.5, -0.5))
     speed = np.stack([np.linalg.norm(np.gradient(camera.project(curve), axis=0), axis=1)
                       for camera in (rig.a, rig.b)])  # fmt: skip
     telling = speed > _SHORTENED * speed.max(axis=0)
@@ -147,6 +143,35 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
         if len(cut) < len(curve) - 1:
             others.insert(0, cut)
     return others
+
+
+def bent_in_depth(rig: StereoRig, tube: Tube, end: int, shares: Sequence[float]) -> list[Floats]:
+    """The curve (n, 3) bent at its base (0) or tip (1), farther from the cameras by shares.
+
+    Where the share is one, the end moves by a radius.
+    """
+    tangent, place = tube.tangents[-end], tube.curve[[-end]]
+    depth = (rig.a.rays(rig.a.project(place)) + rig.b.rays(rig.b.project(place)))[0]
+    depth -= (depth @ tangent) * tangent
+    depth *= tube.radius / max(float(np.linalg.norm(depth)), 1e-9)
+    bent = np.maximum(1 - _from_end(tube, end), 0)[:, None] ** 2 * depth
+    return [tube.curve + share * bent for share in shares]
+
+
+def looked_along(rig: StereoRig, tube: Tube, end: int) -> bool:
+    """Whether a view looks along the base (0) or the tip (1) rather than across it."""
+    place, tangent = tube.curve[[-end]], tube.tangents[-end]
+    return any(
+        np.linalg.norm(camera.jacobian(place)[0] @ tangent) * camera.pixel_size(place)[0] < _ALONG
+        for camera in (rig.a, rig.b)
+    )
+
+
+def _from_end(tube: Tube, end: int) -> Floats:
+    """Distance of each sample from an end, 1 where the curve tells how it runs on."""
+    steps = np.linalg.norm(np.diff(tube.curve, axis=0), axis=1)
+    reach = np.concatenate([[0.0], np.cumsum(steps)])
+    return np.asarray((reach if end == 0 else reach[-1] - reach) / (_BEFORE * tube.radius))
 
 
 def _goes_on(rims: Booleans, looks: tuple[Look, Look], end: int, at: int, outward: int) -> bool:

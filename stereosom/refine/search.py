@@ -13,11 +13,11 @@ from ..arrays import Floats
 from ..backbone import Backbone
 from ..entering import eyes_alike
 from ..observation import Observation, View
-from ..reconstruction import HardFrame
+from ..reconstruction import HardFrame, Tried
 from .contour import Contour, mask_contour
 from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 from .kernels import kernels
-from .reach import other_ends
+from .reach import bent_in_depth, looked_along, other_ends
 from .start import first_curve, matched_curve
 
 # Points of a curve that a fit begins with.
@@ -28,6 +28,12 @@ _CUT_OFF = 2.5
 _SETTLED_PX, _FOLLOWED_PX = 0.05, 0.15
 # An odd end is tried otherwise so often, as long as that costs so much less than before.
 _TRIES, _BETTER = 4, 0.9
+# Which way the end of a narrower device bends, of such a half width, is not told, px.
+_NARROW_PX = 2.0
+# An odd end costs so many times as much as one that is not.
+_ODD_PRICE = 1.2
+# What was tried in vain is tried again where a fit costs so many times what it did then.
+_WORSE = 2
 # A fit that misses so much of its outline, in half widths, or so many of the edges, as a share,
 # may follow something else than the device.
 _MISSED, _STRAY = 6.0, 0.05
@@ -99,31 +105,51 @@ class TubeSearch:
             raise refused or HardFrame("the two views do not show the same device")
         return self._with_better_ends(min(fits, key=_cost))
 
-    def near(self, start: Backbone) -> TubeFit:
-        """Fit from where the device is expected; anywhere, where it does not seem to be there."""
+    def near(self, start: Backbone, tried: Tried | None) -> tuple[TubeFit, Tried | None]:
+        """Fit from where the device is expected; anywhere, where it does not seem to be there.
+
+        A round tip is odd in every frame to a model with flat ends: what was `tried` in vain is
+        tried again only where a fit costs more than it did then. Returned beside the fit is what
+        the next frame need not try.
+        """
         curve = start.polyline(_SAMPLES)
         radius = _width_radius(self.seen, curve)
-        fit = self._fit(curve, radius, ON_TRACK, settled_px=_FOLLOWED_PX)
+        fit = self._fit(curve, radius, self._gates(curve, radius), settled_px=_FOLLOWED_PX)
+        if not eyes_alike(self.seen.rig):
+            fit = self._nearer_or_farther(fit)
+        if _as_good(fit, tried):
+            return fit, tried
+        odd = fit.odd_ends
         if not fit.ends_seen:
             with suppress(HardFrame):
                 fit = min(fit, self._fit(curve, radius, FROM_NEAR), key=_cost)
+            if _as_good(fit, tried):
+                return fit, tried
         fit = self._with_better_ends(fit)
         if _doubtful(fit):
             with suppress(HardFrame):
                 other = self.anywhere(curve if eyes_alike(self.seen.rig) else None)
                 # As good a fit elsewhere is no reason to leave what was followed.
                 fit = other if other.cost < _BETTER * fit.cost else fit
-        return fit
+        odd = (odd[0] or fit.odd_ends[0], odd[1] or fit.odd_ends[1])
+        return fit, Tried(odd, _cost_per_edge(fit)) if any(odd) or _doubtful(fit) else None
+
+    def _gates(self, curve: Floats, radius: float) -> Sequence[float]:
+        """For a curve that is followed: a device that is wide in the picture moves farther."""
+        pixel = min(float(c.pixel_size(curve).mean()) for c in (self.seen.rig.a, self.seen.rig.b))
+        wide = radius / pixel
+        return (wide, *ON_TRACK) if wide > ON_TRACK[0] else ON_TRACK
 
     def _fit(self, curve: Floats, radius: float, gates: Sequence[float], **details: Any) -> TubeFit:
         radius = self.radius or radius
-        opened = self._opened(curve, radius)
+        if "capped" not in details:
+            opened = self._opened(curve, radius)
+            details["capped"] = (not opened[0], not opened[1])
         return fit_tube(
             self.seen.rig,
             self.edges,
             curve,
             radius,
-            capped=(not opened[0], not opened[1]),
             radius_known=self.radius is not None,
             segments=self.segments or _pieces(curve, radius),
             gates=gates,
@@ -143,6 +169,25 @@ class TubeSearch:
                     opened[end] |= near < 1.5 * width[end] + 3
         return bool(opened[0]), bool(opened[1])
 
+    def _nearer_or_farther(self, fit: TubeFit) -> TubeFit:
+        """A fit, or one whose ends bend otherwise where a view looks along them, if much better.
+
+        Such an end may look right as it is: which way it bends is told by little.
+        """
+        for end in (0, 1):
+            narrow = min(look.half_width for look in fit.looks) < _NARROW_PX
+            if not fit.tube.capped[end] or narrow or not looked_along(self.seen.rig, fit.tube, end):
+                continue
+            before = fit
+            for start in bent_in_depth(self.seen.rig, before.tube, end, (1.0, -1.0)):
+                with suppress(HardFrame):
+                    other = self._fit(
+                        start, before.radius, FROM_CLOSE,
+                        capped=before.tube.capped, settled_px=_FOLLOWED_PX,
+                    )  # fmt: skip
+                    fit = other if other.cost < _BETTER * fit.cost else fit
+        return fit
+
     def _with_better_ends(self, fit: TubeFit) -> TubeFit:
         """The best of fits that begin with an odd end otherwise."""
         for end in (0, 1):
@@ -156,13 +201,22 @@ class TubeSearch:
         return fit
 
     def _other_end(self, fit: TubeFit, end: int) -> TubeFit:
-        """The best of what is tried for an end, up to the first that is not odd."""
+        """The best of what is tried for an end, up to the first that is not odd.
+
+        An end as it should be is worth a slightly higher cost elsewhere.
+        """
+
+        def price(other: TubeFit) -> float:
+            return other.cost * (_ODD_PRICE if other.odd_ends[end] else 1.0)
+
         best = fit
         for start in other_ends(self.seen.rig, fit.tube, fit.looks, end):
             for passes in (15, 0):
                 with suppress(HardFrame):
-                    other = self._fit(start, fit.radius, FROM_CLOSE, passes=passes)
-                    best = min(best, other, key=_cost)
+                    other = self._fit(
+                        start, fit.radius, FROM_CLOSE, passes=passes, capped=fit.tube.capped
+                    )
+                    best = min(best, other, key=price)
             if not best.odd_ends[end]:
                 break
         return best
@@ -170,6 +224,18 @@ class TubeSearch:
 
 def _cost(fit: TubeFit) -> float:
     return fit.cost
+
+
+def _cost_per_edge(fit: TubeFit) -> float:
+    return fit.cost / sum(look.edges for look in fit.looks)
+
+
+def _as_good(fit: TubeFit, tried: Tried | None) -> bool:
+    """Whether a fit is no more doubtful than the one that nothing made better."""
+    if tried is None:
+        return False
+    new = any(odd and not known for odd, known in zip(fit.odd_ends, tried.odd_ends, strict=True))
+    return not new and _cost_per_edge(fit) < _WORSE * tried.cost
 
 
 def _pieces(curve: Floats, radius: float) -> int:

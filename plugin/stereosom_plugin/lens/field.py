@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ _PER_SIDE = 16
 _TOUCHES_PX = 1.5
 
 
-def undistorted_field(corners: Floats, lens: Lens, mask: Any) -> Floats:
+def undistorted_field(corners: Floats, lens: Lens, pixels: Any) -> Floats:
     """Convex region, (m, 2) corners in the ideal camera's picture, in which a view sees.
 
     A lens bends the straight sides of a picture, inwards or outwards, while the core asks for a
@@ -28,26 +29,37 @@ def undistorted_field(corners: Floats, lens: Lens, mask: Any) -> Floats:
     corners : (n, 2) array
         In order, of the convex region in the seen picture.
     lens : Lens
-    mask : (rows, columns) array of bool
-        The device in the seen picture.
+    pixels : (n, 2) array
+        Of the device in the seen picture.
     """
     sides = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-    share = np.linspace(0, 1, _PER_SIDE, endpoint=False)[:, None]
-    border = np.vstack([start + share * (end - start) for start, end in sides])
-    bent = lens.undistort_where_defined(border)
-    bent = bent[np.isfinite(bent).all(axis=1)]
-    try:
-        field = bent[ConvexHull(bent).vertices] if len(bent) > 2 else np.array(corners)
-    except QhullError:
+    field = _bent(lens, tuple(map(tuple, corners.tolist())))
+    if field is None:
         return np.array(corners)
     middle = field.mean(axis=0)
-    for place, along in _touched(sides, np.argwhere(mask)[:, ::-1]):
+    for place, along in _touched(sides, pixels):
         before, after = lens.undistort_where_defined(np.array([place - along, place + along]))
         across = np.array([before[1] - after[1], after[0] - before[0]])
         if np.isfinite(across).all():
             inward = across * np.sign(across @ (middle - before))
             field = _cut(field, before, inward)
     return field
+
+
+@lru_cache(maxsize=4)
+def _bent(lens: Lens, corners: tuple[tuple[float, float], ...]) -> Floats | None:
+    """The hull of a border as the ideal camera has it; None where it is none."""
+    start = np.array(corners)[:, None]
+    share = np.linspace(0, 1, _PER_SIDE, endpoint=False)[:, None]
+    border = start + share * (np.roll(start, -1, axis=0) - start)
+    bent = lens.undistort_where_defined(border.reshape(-1, 2))
+    bent = bent[np.isfinite(bent).all(axis=1)]
+    if len(bent) < 3:
+        return np.array(corners)
+    try:
+        return np.asarray(bent[ConvexHull(bent).vertices])
+    except QhullError:
+        return None
 
 
 def _touched(sides: list[tuple[Floats, Floats]], pixels: Any) -> list[tuple[Floats, Floats]]:
@@ -58,9 +70,9 @@ def _touched(sides: list[tuple[Floats, Floats]], pixels: Any) -> list[tuple[Floa
         if length == 0:
             continue
         along = (end - start) / length
-        offset = pixels - start
-        near = np.abs(offset @ np.array([-along[1], along[0]])) <= _TOUCHES_PX
-        at = np.sort((offset @ along)[near])
+        across = np.array([-along[1], along[0]])
+        near = np.abs(pixels @ across - start @ across) <= _TOUCHES_PX
+        at = np.sort((pixels[near] - start) @ along)
         groups = np.split(at, np.nonzero(np.diff(at) > 3)[0] + 1) if len(at) else []
         found += [(start + along * float(group.mean()), along) for group in groups]
     return found

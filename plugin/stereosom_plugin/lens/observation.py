@@ -38,7 +38,8 @@ def undistorted_observation(
     except ValueError as error:
         nothing = np.empty((0, 2))
         return replace(seen, pixels_a=nothing, pixels_b=nothing, defect=str(error))
+    shown = (seen.pixels_a, seen.pixels_b)
     field_a, field_b = (
-        undistorted_field(*view) for view in zip(seen.field_of_view, lenses, masks, strict=True)
+        undistorted_field(*view) for view in zip(seen.field_of_view, lenses, shown, strict=True)
     )
     return replace(seen, pixels_a=pixels[0], pixels_b=pixels[1], field_of_view=(field_a, field_b))

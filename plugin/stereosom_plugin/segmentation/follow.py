@@ -15,6 +15,7 @@ from stereosom.arrays import Floats
 
 from .picture import log_at
 from .tube import Tube, extended, normals
+from .way import best_way
 from .xray import AT_BORDER, BAND, Candidate, View
 
 # Spacing of places along and across, and how far beyond its ends the device may have grown, px of
@@ -22,6 +23,7 @@ from .xray import AT_BORDER, BAND, Candidate, View
 ALONG, ACROSS, GROWN = 2.0, 1.0, 24
 # Price of a place to the side from one step to the next, and greatest number of those.
 TURN, MOST_TURN = 0.15, 2
+_PRICE = TURN * np.arange(-MOST_TURN, MOST_TURN + 1) ** 2
 # Share of the usual absorption that is device, and gaps that are bridged, steps.
 PRESENT, GAP = 0.5, 12
 
@@ -53,7 +55,7 @@ def follow(view: View, last: Tube, near: Floats) -> Candidate | None:
     radius = float(np.median(last.radius))
     darker, across = _darker(view, line, radius, unit)
     score = np.clip(darker / last.absorption, 0, 1)
-    way = _best_way(score)
+    way = best_way(score, _PRICE)
     steps = np.arange(len(way))
     seen = ndimage.uniform_filter1d(score[steps, way], 5) > PRESENT
     first, beyond = _longest(seen)
@@ -92,29 +94,6 @@ def _darker(view: View, line: Floats, radius: float, unit: float) -> tuple[Float
     away = int(np.ceil(beside / (ACROSS * unit)))
     sides = np.minimum(light[:, : -2 * away], light[:, 2 * away :])
     return np.asarray(sides - light[:, away:-away], dtype=float), across[away:-away]
-
-
-def _best_way(score: Floats) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Place of each step (n,) of the way through scores (n, m) that collects most."""
-    count, wide = score.shape
-    turns = np.arange(-MOST_TURN, MOST_TURN + 1)
-    price = (TURN * turns**2)[:, None]
-    came = np.empty((count, wide), dtype=np.intp)
-    total = score[0].astype(float)
-    padded = np.full(wide + 2 * MOST_TURN, -np.inf)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, wide)  # a row per turn
-    places = np.arange(wide)
-    for step in range(1, count):
-        padded[MOST_TURN : MOST_TURN + wide] = total
-        reached = windows - price
-        best = reached.argmax(axis=0)
-        came[step] = places + turns[best]
-        total = reached[best, places] + score[step]
-    way = np.empty(count, dtype=np.intp)
-    way[-1] = int(total.argmax())
-    for step in range(count - 1, 0, -1):
-        way[step - 1] = came[step, way[step]]
-    return way
 
 
 def _longest(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> tuple[int, int]:

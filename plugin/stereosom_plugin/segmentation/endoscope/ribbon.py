@@ -13,6 +13,7 @@ from stereosom.arrays import Floats
 from stereosom_plugin.errors import require
 
 from ..picture import Mask
+from ..way import best_way
 
 # How likely colors are those of the device, (n, m), -1 to 1, of what a picture shows at places
 # (x, y), (n, m) each.
@@ -22,6 +23,7 @@ Evidence = Callable[[Any, Floats, Floats], Floats]
 _SIDE, _BEYOND, _GAP = 2.0, 3.0, 6.0
 _ROW = 1 / 8  # from row to row of a straightened picture
 _STEEPEST = 2  # columns that the middle may move by from row to row
+_TURN = 0.02  # price of one
 _SMOOTH = 0.7  # along an edge
 # Of a round end, and of the body before it that tells how an edge runs.
 _ROUND, _BODY = 0.6, 2.0
@@ -33,6 +35,8 @@ _EDGE = 0.14  # to either side of an edge, where its colors are looked up
 _STRAYS_PX, _STRAYS, _BRIDGED = 0.6, 0.02, 0.1
 # Fewer widths of length are no device; rows that are less like it than this are gaps.
 _SHORTEST, _LEAST_LIKE = 3.0, 0.1
+# Side of the tiles in which a mask is drawn, px.
+_TILE = 64
 # A device that is less like itself than this on the mean has been lost.
 _LOST = 0.35
 
@@ -162,22 +166,7 @@ def _middle(like: Floats, half: int) -> Any:
     # What lies beside a device is something else; a wide thing is not followed along its rim.
     beside = ndimage.uniform_filter1d(like, 4 * half + 1, axis=1, mode="constant")
     gain = ndimage.uniform_filter1d(2 * total - beside, 5, axis=0)
-    count, width = gain.shape
-    best, came = gain[0].copy(), np.zeros((count, width), dtype=np.intp)
-    moves = range(-_STEEPEST, _STEEPEST + 1)
-    padded = np.full(width + 2 * _STEEPEST, -np.inf)
-    for row in range(1, count):
-        padded[_STEEPEST:-_STEEPEST] = best
-        ways = np.stack([padded[_STEEPEST + m : _STEEPEST + m + width] - 0.02 * abs(m)
-                         for m in moves])  # fmt: skip
-        chosen = ways.argmax(axis=0)
-        came[row] = np.arange(width) + chosen - _STEEPEST
-        best = ways[chosen, np.arange(width)] + gain[row]
-    way = np.empty(count, dtype=np.intp)
-    way[-1] = int(best.argmax())
-    for row in range(count - 1, 0, -1):
-        way[row - 1] = came[row, way[row]]
-    return way
+    return best_way(gain, _TURN * np.abs(np.arange(-_STEEPEST, _STEEPEST + 1)))
 
 
 def _longest_run(row_like: Floats) -> tuple[int, int]:
@@ -323,6 +312,13 @@ def _fill(cv2: Any, drawn: Any, outline: Floats) -> None:
     window = np.zeros(4 * (high - low)[::-1], dtype=np.uint8)
     points = np.rint(((outline - low + 0.5) * 4 - 0.5) * 16).astype(np.int32)
     cv2.fillPoly(window, [points], 255, lineType=cv2.LINE_8, shift=4)
-    small = cv2.resize(window, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
     part = drawn[low[1] : high[1], low[0] : high[0]]
-    part |= (small > 127).astype(np.uint8)
+    touched = np.zeros(part.shape, dtype=np.uint8)
+    cv2.fillPoly(touched, [np.rint((outline - low) * 16).astype(np.int32)], 1, cv2.LINE_8, 4)
+    for top in range(0, len(part), _TILE):
+        for left in range(0, part.shape[1], _TILE):
+            place = (slice(top, top + _TILE), slice(left, left + _TILE))
+            if touched[place].any():  # a long device leaves most of its window empty
+                fine = window[4 * top : 4 * (top + _TILE), 4 * left : 4 * (left + _TILE)]
+                small = cv2.resize(fine, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+                part[place] |= (small > 127).astype(np.uint8)
