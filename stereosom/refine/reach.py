@@ -160,11 +160,12 @@ def bent_in_depth(rig: StereoRig, tube: Tube, end: int, shares: Sequence[float])
 
 def looked_along(rig: StereoRig, tube: Tube, end: int) -> bool:
     """Whether a view looks along the base (0) or the tip (1) rather than across it."""
-    place, tangent = tube.curve[[-end]], tube.tangents[-end]
-    return any(
-        np.linalg.norm(camera.jacobian(place)[0] @ tangent) * camera.pixel_size(place)[0] < _ALONG
-        for camera in (rig.a, rig.b)
-    )
+    for camera in (rig.a, rig.b):
+        ray = tube.curve[-end] - camera.center
+        # Shortened to the sine of the angle between the end and the ray that sees it.
+        if (ray @ tube.tangents[-end]) ** 2 > (1 - _ALONG**2) * (ray @ ray):
+            return True
+    return False
 
 
 def _from_end(tube: Tube, end: int) -> Floats:

@@ -209,14 +209,17 @@ class TubeSearch:
         def price(other: TubeFit) -> float:
             return other.cost * (_ODD_PRICE if other.odd_ends[end] else 1.0)
 
-        best = fit
+        best, known = fit, {"capped": fit.tube.capped}
+        begins = []
         for start in other_ends(self.seen.rig, fit.tube, fit.looks, end):
-            for passes in (15, 0):
-                with suppress(HardFrame):
-                    other = self._fit(
-                        start, fit.radius, FROM_CLOSE, passes=passes, capped=fit.tube.capped
-                    )
-                    best = min(best, other, key=price)
+            with suppress(HardFrame):
+                looked = self._fit(start, fit.radius, FROM_CLOSE, passes=0, **known)
+                begins.append((price(looked), start))
+                best = min(best, looked, key=price)
+        # What looks best already is fitted first.
+        for _, start in sorted(begins, key=lambda begin: begin[0]):
+            with suppress(HardFrame):
+                best = min(best, self._fit(start, fit.radius, FROM_CLOSE, **known), key=price)
             if not best.odd_ends[end]:
                 break
         return best
