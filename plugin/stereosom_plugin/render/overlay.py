@@ -161,7 +161,14 @@ def outlines(pixels: Floats, size: tuple[int, int]) -> list[Floats]:
     mask = np.zeros((row.max() - top + 2, column.max() - left + 2))
     mask[row - top, column - left] = 1
     contours = require("contourpy", "vtk").contour_generator(z=mask).lines(0.5)
-    return [np.add(contour, (left, top)) for contour in contours]
+    return [np.add(_corners(contour), (left, top)) for contour in contours]
+
+
+def _corners(loop: Floats) -> Floats:
+    """The points of a line at which it turns, and its ends: the rest takes time to draw."""
+    steps = np.diff(loop, axis=0)
+    turns = np.any(steps[1:] != steps[:-1], axis=1)
+    return loop[np.concatenate([[True], turns, [True]])]
 
 
 def deviation_px(camera: Camera, points: Floats, covariance: Floats) -> Floats:
