@@ -408,6 +408,14 @@ def test_catalog_entry_has_what_the_index_wants():
                  "SCREENSHOTURLS", "DEPENDS"):  # fmt: skip
         assert f"set(EXTENSION_{name} " in cmake
     assert f'set(EXTENSION_CATEGORY "{entry["category"]}")' in cmake
+    assert f'set(_repository "{entry["scm_url"].removesuffix(".git")}")' in cmake
+
+
+def test_no_address_leads_to_a_stranger():
+    """Until the project has one of its own: github.com/OWNER would be somebody's."""
+    for path in EXTENSION.rglob("*"):
+        if path.suffix in (".txt", ".json", ".xml", ".md"):
+            assert "OWNER" not in path.read_text("utf-8"), path
 
 
 def test_every_file_is_built_into_the_extension():

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -18,6 +19,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +101,8 @@ def decode(data: bytes) -> Content:
     with _lock:
         if _child is None:
             _child = _Child()
+            # In a copy of the process (`ahead`), nothing that is registered with atexit runs.
+            Finalize(None, _close, exitpriority=1)
         try:
             return _child.decode(data)
         except _ChildDied as error:
@@ -165,6 +169,16 @@ def _close() -> None:
     if _child is not None:
         _child.close()
         _child = None
+
+
+def _forget() -> None:
+    """In a copy of the process: the reader belongs to the other."""
+    global _child, _lock
+    _child, _lock = None, threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)
 
 
 def _pack(content: Content, path: Path) -> None:
@@ -244,8 +258,6 @@ def vtk_messages() -> Iterator[list[str]]:
 
 def _serve() -> None:
     """Child: a path a line comes in, the arrays go beside it, a line goes out."""
-    import os
-
     # What VTK prints must not mix with the answers.
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)

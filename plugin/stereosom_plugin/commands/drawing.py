@@ -19,6 +19,8 @@ from ..centerline import Centerline, read_vtp
 from ..errors import InputError
 from ..output import RECORD, RIG, Row, centerline_path, read_table
 
+# A film looks at each curve twice. A point and all that is known of it take some 200 bytes.
+_MOST_POINTS_KEPT = 200_000
 _WITH_CURVE = ("ok", "predicted")
 
 
@@ -45,7 +47,7 @@ def draw(
 class Results:
     """A folder of results or one `.vtp`: curves, rigs and source pictures by frame.
 
-    Nothing is kept of a frame once it is given.
+    Curves are kept, as long as they are not too many; nothing else is once it is given.
 
     Parameters
     ----------
@@ -70,6 +72,7 @@ class Results:
 
     def __init__(self, path: Path) -> None:
         self.path, self._single, self._rows = path, None, {}
+        self._lines: dict[int, Centerline] = {}
         folder = path if path.is_dir() else path.parent
         if path.is_dir():
             rows = [row for row in read_table(path) if row["frame"].isdecimal()]
@@ -92,8 +95,12 @@ class Results:
             return self._single
         if self._rows[frame]["status"] not in _WITH_CURVE:
             return None
-        line = read_vtp(centerline_path(self.path, frame))
-        return replace(line, frame=frame)
+        line = self._lines.get(frame)
+        if line is None:
+            line = replace(read_vtp(centerline_path(self.path, frame)), frame=frame)
+            if sum(len(known.points) for known in self._lines.values()) < _MOST_POINTS_KEPT:
+                self._lines[frame] = line
+        return line
 
     def rig(self, frame: int) -> StereoRig | None:
         """Where the views stood in a frame, as far as is known."""

@@ -6,13 +6,16 @@ import argparse
 from collections import deque
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from ..ahead import ahead
 from ..errors import InputError
 from .drawing import Results
 from .reconstructing import progress_bar, say, warn
+
+T = TypeVar("T")
 
 DOES = "draw a result or film a run, without a screen"
 EXAMPLE = "stereosom render out --output film.mp4 --ghosts 5"
@@ -137,15 +140,15 @@ def _shots(results: Results, frames: list[int], ghosts: int, *, with_images: boo
     past: deque[Any] = deque(maxlen=ghosts)
     if ghosts:
         past.extend(results.line(frame) for frame in before)
-    for frame in frames:
-        line, rig = results.line(frame), results.rig(frame)
+    read = ((results.line(i), results.images(i) if with_images else None) for i in frames)
+    for frame, (line, images) in zip(frames, _ahead_of(read, frames), strict=True):
+        rig = results.rig(frame)
         if line is not None:
             heading = render.heading(line, rig)
         else:
             heading = (f"frame {frame} · {results.time(frame):.3f} s",)
         if results.state(frame):
             heading = (heading[0], results.state(frame), *heading[1:])
-        images = results.images(frame) if with_images else None
         yield render.Shot(line, rig, images, tuple(past), heading)
         if line is not None:
             past.append(line)
@@ -162,12 +165,15 @@ def _overlays(results: Results, arguments: argparse.Namespace) -> Iterator[Any]:
     size = arguments.size
     if size and len(views) == 2:
         size = ((size[0] - render.GAP) // 2, size[1])
-    outlines = _segmented(results, chosen) if arguments.outline else None
+    outlines = _segmented(results, chosen) if arguments.outline else iter(())
+    read = _ahead_of(
+        ((results.line(i), results.images(i), next(outlines, (None, None))) for i in chosen), chosen
+    )
     for frame in progress_bar(arguments, "rendering")(chosen) if film else chosen:
-        line, rig, images = results.line(frame), results.rig(frame), results.images(frame)
+        rig = results.rig(frame)
         if rig is None:
             raise InputError(arguments.input, "has no rig.json", "give the folder of a whole run")
-        seen = next(outlines) if outlines else (None, None)
+        line, images, seen = next(read)
         parts = []
         for view in views:
             number, camera = "ab".index(view), getattr(rig, view)
@@ -183,6 +189,11 @@ def _overlays(results: Results, arguments: argparse.Namespace) -> Iterator[Any]:
             parts.append(render.overlaid(over, size=size, scale_bar=True))
         picture = render.beside(parts) if len(parts) == 2 else parts[0]
         yield render.padded(picture, arguments.size, even=output.suffix.lower() == ".mp4")
+
+
+def _ahead_of(read: Iterator[T], frames: list[int]) -> Iterator[T]:
+    """What is read of each frame: of a film in another process, while the one before is drawn."""
+    return ahead(read) if len(frames) > 1 else read
 
 
 def _segmented(results: Results, frames: list[int]) -> Iterator[tuple[Any, Any]]:

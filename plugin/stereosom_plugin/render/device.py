@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -138,14 +139,9 @@ def _swept(shape: Shape, outline: Floats) -> Any:
         + outline[:, :, :1] * shape.across_1[:, None]
         + outline[:, :, 1:] * shape.across_2[:, None]
     )
-    i, j = np.meshgrid(np.arange(n - 1), np.arange(m), indexing="ij")
-    beside = (j + 1) % m
-    sides = np.stack(
-        [np.full_like(i, 4), i * m + j, i * m + beside, (i + 1) * m + beside, (i + 1) * m + j],
-        axis=-1,
-    )
-    ends = [m, *range(m - 1, -1, -1), m, *range((n - 1) * m, n * m)]
-    mesh = pv.PolyData(rings.reshape(-1, 3), faces=np.concatenate([sides.ravel(), ends]))
+    mesh = pv.PolyData()
+    mesh.points = rings.reshape(-1, 3)
+    mesh.SetPolys(_faces(n, m))
     # Normals straight out of the curve shade smoothly, and cost nothing.
     out = rings - shape.points[:, None]
     length = np.maximum(np.linalg.norm(out, axis=-1, keepdims=True), 1e-12)
@@ -153,6 +149,22 @@ def _swept(shape: Shape, outline: Floats) -> Any:
     if shape.values is not None:
         mesh["values"] = np.repeat(np.where(shape.determined, shape.values, np.nan), m)
     return mesh
+
+
+@lru_cache(maxsize=8)
+def _faces(n: int, m: int) -> Any:
+    """Faces between n rings of m points, and two that close the ends, vtkCellArray.
+
+    From picture to picture it is one and the same, so that OpenGL keeps it.
+    """
+    i, j = np.meshgrid(np.arange(n - 1), np.arange(m), indexing="ij")
+    beside = (j + 1) % m
+    sides = np.stack(
+        [np.full_like(i, 4), i * m + j, i * m + beside, (i + 1) * m + beside, (i + 1) * m + j],
+        axis=-1,
+    )
+    ends = [m, *range(m - 1, -1, -1), m, *range((n - 1) * m, n * m)]
+    return pv.CellArray(np.concatenate([sides.ravel(), ends]))
 
 
 def _stored_frames(line: Centerline) -> tuple[Floats, Floats] | None:

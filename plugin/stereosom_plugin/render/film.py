@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -42,16 +43,24 @@ def write_film(pictures: Iterable[Picture], path: str | Path, fps: float) -> int
     count, rate = 0, Fraction(fps).limit_denominator(1000)
     with write_whole(path) as part:
         try:
-            with av.open(str(part), "w", format=part.suffix[1:].lower()) as container:
+            # A thread encodes one picture while the next is drawn; it has no more than one.
+            with (
+                av.open(str(part), "w", format=part.suffix[1:].lower()) as container,
+                ThreadPoolExecutor(1) as beside,
+            ):
                 writer: Any = None
+                added: Future[None] | None = None
                 for picture in pictures:
-                    if writer is None:
+                    if added is None:
                         kind = _Mp4 if part.suffix.lower() == ".mp4" else _Gif
                         writer = kind(container, picture.shape[1], picture.shape[0], rate)
-                    writer.add(np.ascontiguousarray(picture), count)
+                    else:
+                        added.result()
+                    added = beside.submit(writer.add, np.ascontiguousarray(picture), count)
                     count += 1
-                if writer is None:
+                if added is None:
                     raise InputError(path, "would have no pictures", "give a run with frames")
+                added.result()
                 writer.end()
         except av.error.FFmpegError as error:
             raise OSError(error.errno, error.strerror) from error

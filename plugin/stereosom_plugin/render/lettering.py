@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
@@ -174,22 +175,26 @@ class Lettering:
         """
         font = typeface(self.letter)
         wide, high = font.getlength(words) / 2, 0.7 * self.letter
-        choices = []
-        for distance in (1.2, 2.2, 3.5, 5.0):
-            for angle in np.radians(first_deg + np.array([0, 180, 270, 90, 315, 225, 45, 135])):
-                away = gap + distance * self.letter
-                x = place[0] + np.cos(angle) * (away + wide)
-                y = place[1] + np.sin(angle) * (away + high)
-                pad = 0.3 * self.letter
-                box = (x - wide - pad, y - high - pad, x + wide + pad, y + high + pad)
-                if not self._free(box):
-                    continue
-                inside = (keep_off >= box[:2]) & (keep_off <= box[2:])
-                choices.append((np.count_nonzero(inside.all(axis=1)), distance, x, y, box))
-        if not choices:
+        pad = 0.3 * self.letter
+        best = None
+        distances, angles = (1.2, 2.2, 3.5, 5.0), (0, 180, 270, 90, 315, 225, 45, 135)
+        for distance, angle in product(distances, np.radians(np.add(first_deg, angles))):
+            away = gap + distance * self.letter
+            x = place[0] + np.cos(angle) * (away + wide)
+            y = place[1] + np.sin(angle) * (away + high)
+            box = (x - wide - pad, y - high - pad, x + wide + pad, y + high + pad)
+            if not self._free(box):
+                continue
+            inside = (keep_off >= box[:2]) & (keep_off <= box[2:])
+            covered = np.count_nonzero(inside.all(axis=1))
+            # The fewest pixels of the device covered; of those, the nearest.
+            if best is None or covered < best[0]:
+                best = (covered, x, y, box)
+            if covered == 0:
+                break
+        if best is None:
             return False
-        # The fewest pixels of the device covered; of those, the nearest.
-        _, _, x, y, box = min(choices, key=lambda choice: choice[:2])
+        _, x, y, box = best
         self._draw.rounded_rectangle(box, 0.3 * self.letter, (*rgb(BACKGROUND), 200))
         self._draw.text((x, y), words, color, font, "mm")
         self.boxes.append(box)

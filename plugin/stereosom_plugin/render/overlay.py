@@ -17,7 +17,7 @@ from ..centerline import Centerline
 from ..errors import require
 from .lettering import Lettering
 from .style import BACKGROUND, SEGMENTED, VIEW_COLORS, Picture, rgb
-from .views import stretched
+from .views import shades
 
 # Lines are drawn so many times larger and averaged, so that they end up smooth.
 _FINE = 3
@@ -94,7 +94,7 @@ def overlaid(
     scale_bar : bool
         Draw one, which holds at the device's depth.
     """
-    picture, scale, corner = _placed(stretched(overlay.image), size)
+    picture, scale, corner = _placed(shades(overlay.image), size)
     layer = _Layer(picture)
 
     def pixels(at: Floats) -> Floats:
@@ -161,7 +161,14 @@ def outlines(pixels: Floats, size: tuple[int, int]) -> list[Floats]:
     mask = np.zeros((row.max() - top + 2, column.max() - left + 2))
     mask[row - top, column - left] = 1
     contours = require("contourpy", "vtk").contour_generator(z=mask).lines(0.5)
-    return [np.add(contour, (left, top)) for contour in contours]
+    return [np.add(_corners(contour), (left, top)) for contour in contours]
+
+
+def _corners(loop: Floats) -> Floats:
+    """The points of a line at which it turns, and its ends: the rest takes time to draw."""
+    steps = np.diff(loop, axis=0)
+    turns = np.any(steps[1:] != steps[:-1], axis=1)
+    return loop[np.concatenate([[True], turns, [True]])]
 
 
 def deviation_px(camera: Camera, points: Floats, covariance: Floats) -> Floats:
@@ -230,20 +237,25 @@ class _Layer:
 def _placed(
     picture: Picture, size: tuple[int, int] | None
 ) -> tuple[Picture, float, npt.NDArray[np.float64]]:
-    """The picture enlarged, its scale, and where its top left corner is."""
+    """The picture enlarged, in colors, its scale, and where its top left corner is."""
     high, wide = picture.shape[:2]
     if size is None:
         factor = max(1, round(_USUAL_SIDE / max(high, wide)))
-        return np.repeat(np.repeat(picture, factor, 0), factor, 1), factor, np.zeros(2)
+        enlarged = np.repeat(np.repeat(picture, factor, 0), factor, 1)
+        return _colored(enlarged), factor, np.zeros(2)
     image = require("PIL.Image", "vtk")
     scale = min(size[0] / wide, size[1] / high)
     fitted = (max(1, round(wide * scale)), max(1, round(high * scale)))
     how = image.Resampling.BICUBIC if scale > 1 else image.Resampling.BOX
-    resized = image.fromarray(np.ascontiguousarray(picture)).resize(fitted, how)
+    resized = image.fromarray(np.ascontiguousarray(_colored(picture))).resize(fitted, how)
     corner = np.array([(size[0] - fitted[0]) // 2, (size[1] - fitted[1]) // 2])
     sheet = _sheet(size[1], size[0])
     sheet[corner[1] : corner[1] + fitted[1], corner[0] : corner[0] + fitted[0]] = resized
     return sheet, scale, corner.astype(float)
+
+
+def _colored(picture: Picture) -> Picture:
+    return np.broadcast_to(picture, (*picture.shape[:2], 3))
 
 
 def _sheet(high: int, wide: int) -> Picture:

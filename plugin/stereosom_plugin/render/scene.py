@@ -112,6 +112,8 @@ class Stage:
         self._pivot = (survey.points.min(axis=0) + survey.points.max(axis=0)) / 2
         self._plotter = pv.Plotter(off_screen=True, window_size=[_FINE * side for side in size])
         self._actors: dict[str, Any] = {}
+        self._meshes: dict[str, Any] = {}
+        self._standing: dict[str, tuple[Camera, float, tuple[Any, Any, Any]]] = {}
         self._ghosts: dict[int, tuple[Centerline, Any]] = {}
         self._plotter.set_background(BACKGROUND)
         self._plotter.disable_anti_aliasing()
@@ -147,12 +149,21 @@ class Stage:
         for name, camera in self._cameras(shot.rig):
             self._put_picture(name, camera, shot, shape, look)
         look.aim(self._plotter)
-        self._plotter.render()  # a screenshot alone would show what was rendered last
-        taken = self._plotter.screenshot(None, return_img=True)
-        image = require("PIL.Image", "vtk").fromarray(taken).reduce(_FINE)
-        lettering = Lettering(np.asarray(image)[:, :: -1 if look.mirrored else 1])
+        self._plotter.render_window.Render()
+        lettering = Lettering(self._taken()[:, :: -1 if look.mirrored else 1])
         self._write(lettering, look, shot, shape)
         return lettering
+
+    def _taken(self) -> Picture:
+        """What was rendered last, (rows, columns, 3), averaged to the size of the picture."""
+        window, size = self._plotter.render_window, tuple(_FINE * side for side in self._size)
+        pixels = require("vtkmodules.vtkCommonCore", "vtk").vtkUnsignedCharArray()
+        # With a fourth byte, as OpenGL and Pillow keep them: nothing has to be rearranged.
+        window.GetRGBACharPixelData(0, 0, size[0] - 1, size[1] - 1, 0, pixels)
+        images = require("PIL.Image", "vtk")
+        taken = images.frombuffer("RGBX", size, memoryview(pixels), "raw", "RGBX", 0, 1)
+        upright = taken.reduce(_FINE).transpose(images.Transpose.FLIP_TOP_BOTTOM)
+        return np.asarray(upright.convert("RGB"))
 
     # ---- what is looked at -----------------------------------------------------------
 
@@ -197,8 +208,9 @@ class Stage:
         if actor is None:
             style = {"show_scalar_bar": False, "reset_camera": False, **style}
             actor = self._actors[name] = self._plotter.add_mesh(mesh, name=name, **style)
-        else:
+        elif self._meshes[name] is not mesh:  # else OpenGL has it already
             actor.mapper.dataset = mesh
+        self._meshes[name] = mesh
         actor.visibility = True
         return actor
 
@@ -225,9 +237,9 @@ class Stage:
             self._put("envelope", around, color=ENVELOPE, opacity=0.35, culling="front",
                       scalars=None, lighting=False)  # fmt: skip
         for end, name in ((0, "base"), (-1, "tip")):
-            ball = _UNIT_BALL.copy()
-            ball.points = shape.points[end] + _BALL * shape.radius[end] * _UNIT_BALL.points
-            self._put(name, ball, color=INK if end else "white", specular=0.3, smooth_shading=True)
+            color = INK if end else "white"
+            ball = self._put(name, _UNIT_BALL, color=color, specular=0.3, smooth_shading=True)
+            ball.position, ball.scale = shape.points[end], _BALL * shape.radius[end]
 
     def _colored(self, shape: Shape, colored: bool) -> Any:
         mesh = tube(shape)
@@ -245,7 +257,7 @@ class Stage:
         self, name: str, camera: Camera, shot: Shot, shape: Shape | None, look: looks.Look
     ) -> None:
         color, depth = VIEW_COLORS[name], self._depth(name)
-        quad = views.picture_quad(camera, depth)
+        quad, border, rays = self._stand(name, camera, depth)
         # From behind it would be seen the wrong way round, and would hide the device.
         if camera.depth(look.position[None])[0] < depth:
             image = shot.images["ab".index(name)] if shot.images else None
@@ -253,12 +265,9 @@ class Stage:
             actor = self._put(f"picture {name}", quad, **style)
             stage = _FINE * min(self._size)
             actor.texture = None if image is None else views.texture(image, stage)
-        border = polyline(quad.points[[0, 1, 2, 3, 0]])
         self._put(f"border {name}", border, color=color, line_width=self._line(3))
         if self._view != "overview":
             return
-        start = views.frustum_start(camera, depth, self._survey.points)
-        rays = views.frustum(camera, start, depth)
         self._put(f"frustum {name}", rays, color=color, line_width=self._line(1.2), opacity=0.45)
         if shape is None:
             return
@@ -271,6 +280,17 @@ class Stage:
             self._put(
                 f"ray {name} {end}", ray, color=color, line_width=self._line(1.5), opacity=0.7
             )
+
+    def _stand(self, name: str, camera: Camera, depth: float) -> tuple[Any, Any, Any]:
+        """A view's picture, its border and its rays, which stay the same until the view moves."""
+        known = self._standing.get(name)
+        if known is None or known[0] is not camera or known[1] != depth:
+            quad = views.picture_quad(camera, depth)
+            start = views.frustum_start(camera, depth, self._survey.points)
+            border = polyline(quad.points[[0, 1, 2, 3, 0]])
+            known = (camera, depth, (quad, border, views.frustum(camera, start, depth)))
+            self._standing[name] = known
+        return known[2]
 
     def _line(self, width: float) -> float:
         """A line's width in a picture of any size, as it is in one of 1200 rows."""

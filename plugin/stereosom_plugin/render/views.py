@@ -23,6 +23,12 @@ _NEAR = 3.0
 
 def stretched(image: Image) -> Picture:
     """Picture as (rows, columns, 3) bytes, its 1st to 99th percentile from black to white."""
+    gray = shades(image)
+    return np.broadcast_to(gray, (*gray.shape[:2], 3))
+
+
+def shades(image: Image) -> npt.NDArray[np.uint8]:
+    """The same with one value a pixel where the picture is gray, (rows, columns, 1 or 3)."""
     picture = np.asarray(image)
     if picture.ndim == 2:
         picture = picture[:, :, None]
@@ -32,10 +38,8 @@ def stretched(image: Image) -> Picture:
     if high <= low:  # a mask of a thin device: all but one percent is background
         low, high = float(np.nanmin(picture)), float(np.nanmax(picture))
     if picture.dtype in (np.uint8, np.uint16):  # few values: each is worked out once
-        gray = _grays(np.arange(np.iinfo(picture.dtype).max + 1), low, high)[picture]
-    else:
-        gray = _grays(picture, low, high)
-    return np.broadcast_to(gray, (*picture.shape[:2], 3))
+        return np.take(_grays(np.arange(np.iinfo(picture.dtype).max + 1), low, high), picture)
+    return _grays(picture, low, high)
 
 
 def _grays(values: npt.NDArray[Any], low: float, high: float) -> npt.NDArray[np.uint8]:
@@ -63,7 +67,10 @@ def texture(image: Image, stage: int) -> Any:
     Mipmaps keep a picture smooth that is drawn less than half as large as it is; with them,
     software OpenGL takes twice as long to draw a shot. A picture fills about half the stage.
     """
-    made = pv.Texture(stretched(image))
+    rows = shades(image)[::-1]  # VTK counts rows from the bottom
+    grid = pv.ImageData(dimensions=(rows.shape[1], rows.shape[0], 1))
+    grid.point_data["picture"] = rows.reshape(-1, rows.shape[2])
+    made = pv.Texture(grid)
     made.interpolate = True
     made.mipmap = max(np.shape(image)[:2]) > stage
     return made
