@@ -59,18 +59,23 @@ class TubeFit:
     backbone : Backbone
     radius : float
         mm.
-    covariance : (n, 3, 3) array
-        At the samples of the tube's curve, mm².
     tube : Tube
     looks : pair of Look
         What the views show of it.
+    radius_known : bool
+        Whether the radius was given.
     """
 
     backbone: Backbone
     radius: float
-    covariance: Floats
     tube: Tube
     looks: tuple[Look, Look]
+    radius_known: bool
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """At the samples of the tube's curve, (n, 3, 3), mm²."""
+        return covariance_along(self.tube, self.looks, self.radius_known)
 
     @property
     def ends_seen(self) -> bool:
@@ -196,13 +201,7 @@ def fit_tube(
         control, radius = control + moved, max(radius + grown, 1e-3)
         if gate is None and farthest < settled_px * pixel_mm:
             break
-    return TubeFit(
-        basis.backbone(control),
-        radius,
-        covariance_along(tube, looks, radius_known),
-        tube,
-        looks,
-    )
+    return TubeFit(basis.backbone(control), radius, tube, looks, radius_known)
 
 
 _Ends = tuple[bool, bool]
