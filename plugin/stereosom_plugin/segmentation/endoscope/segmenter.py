@@ -124,6 +124,7 @@ class Eye:
         self.evidence: Evidence | None = None
 
     def __call__(self, image: Any) -> Mask:
+        """The mask of a picture."""
         if self.last is not None and self.evidence is not None:
             picture = as_bytes(image)
             ribbon = trace(
