@@ -239,13 +239,23 @@ def test_a_very_long_run_keeps_nothing(run):
     assert max(counts[1:]) - counts[1] < 100
 
 
-def test_what_was_tried_in_vain_is_not_tried_in_every_frame(monkeypatch):
-    """The drawn ends are round: a model with flat ones calls them odd, and finds none better."""
-    rig = converging_rig(45, focal_length=2400, image_size=(1024, 768))
-    run = [
-        replace(observe(truth(index / RATE), 3.0, rig), time=index / RATE, index=index)
-        for index in range(8)
-    ]
+def with_a_ball(seen, place, radius_px=6.0):
+    """A device with a ball at its tip, wider than itself."""
+    views = {}
+    for view, camera, pixels in (
+        ("pixels_a", seen.rig.a, seen.pixels_a),
+        ("pixels_b", seen.rig.b, seen.pixels_b),
+    ):
+        center = camera.project(place[None])[0]
+        around = np.rint(center) + np.argwhere(np.ones((21, 21))) - 10
+        ball = around[np.linalg.norm(around - center, axis=1) < radius_px]
+        views[view] = np.unique(np.vstack([pixels, ball]), axis=0)
+    return replace(seen, **views)
+
+
+def test_what_was_tried_in_vain_is_not_tried_in_every_frame(run, monkeypatch):
+    """A tip that is no flat end stays odd, whatever is tried."""
+    run = [with_a_ball(seen, truth(seen.time).tip) for seen in run[:8]]
     fits = []
     fit_tube = search.fit_tube
     monkeypatch.setattr(search, "fit_tube", lambda *a, **k: fits.append(0) or fit_tube(*a, **k))
