@@ -13,6 +13,7 @@ from stereosom.metrics import closest_on_curve
 pytest.importorskip("cv2")
 pytest.importorskip("av")
 from stereosom_plugin import segmentation
+from stereosom_plugin.ahead import ahead
 from stereosom_plugin.cli import main
 from stereosom_plugin.endoscopy import read_stereo
 from stereosom_plugin.evaluation import evaluate, read_truth
@@ -70,6 +71,17 @@ def test_a_box_on_the_device_does_as_well(few):
     for one, other in zip(few, box, strict=False):
         assert np.mean(errors(other)[0]) < 0.02 * WORKING_DISTANCE
         assert other.backbone.length == pytest.approx(one.backbone.length, rel=0.1)
+
+
+def test_a_film_that_was_begun_goes_on_in_another_process():
+    """Decoder and OpenCV have threads here that a copy of the process lacks."""
+    acquisition = read_stereo(FILM / "left.mp4", FILM / "right.mp4", FILM / "calibration.yaml")
+    here = list(segmentation.observe(acquisition, segmenter(), frames=range(3)))
+    there = list(ahead(segmentation.observe(acquisition, segmenter(), frames=range(3))))
+    for one, other in zip(here, there, strict=True):
+        assert np.array_equal(one.pixels_a, other.pixels_a)
+        assert np.array_equal(one.pixels_b, other.pixels_b)
+    assert np.array_equal(acquisition.read(3)[0], acquisition.read(3)[0])  # and here, too
 
 
 @pytest.mark.slow

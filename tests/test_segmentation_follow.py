@@ -9,8 +9,9 @@ import pytest
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from stereosom_plugin.segmentation.follow import MOST_TURN, TURN, _best_way, follow
+from stereosom_plugin.segmentation.follow import _PRICE, MOST_TURN, TURN, follow
 from stereosom_plugin.segmentation.tube import Tube
+from stereosom_plugin.segmentation.way import best_way
 from stereosom_plugin.segmentation.xray import prepare
 
 SIZE = 256
@@ -57,4 +58,4 @@ def test_no_way_collects_more():
         return score[np.arange(5), way].sum() - TURN * (turns**2).sum()
 
     best = max(product(range(4), repeat=5), key=lambda way: worth(np.array(way)))
-    assert tuple(_best_way(score)) == best
+    assert tuple(best_way(score, _PRICE)) == best

@@ -9,6 +9,8 @@ import pytest
 from stereosom import Observation, Options, Prior, reconstruct, track
 from stereosom.backbone import Backbone
 from stereosom.metrics import curve_errors, distance_to_curve
+from stereosom.motion import Motion
+from stereosom.refine import search
 from stereosom.synthetic import converging_rig, observe
 
 RIG = converging_rig(45, focal_length=1200, image_size=(512, 384))
@@ -235,3 +237,37 @@ def test_a_long_run_keeps_nothing(run):
 def test_a_very_long_run_keeps_nothing(run):
     counts = alive(again_and_again(run, 10_000))
     assert max(counts[1:]) - counts[1] < 100
+
+
+def with_a_ball(seen, place, radius_px=6.0):
+    """A device with a ball at its tip, wider than itself."""
+    views = {}
+    for view, camera, pixels in (
+        ("pixels_a", seen.rig.a, seen.pixels_a),
+        ("pixels_b", seen.rig.b, seen.pixels_b),
+    ):
+        center = camera.project(place[None])[0]
+        around = np.rint(center) + np.argwhere(np.ones((21, 21))) - 10
+        ball = around[np.linalg.norm(around - center, axis=1) < radius_px]
+        views[view] = np.unique(np.vstack([pixels, ball]), axis=0)
+    return replace(seen, **views)
+
+
+def test_what_was_tried_in_vain_is_not_tried_in_every_frame(run, monkeypatch):
+    """A tip that is no flat end stays odd, whatever is tried."""
+    run = [with_a_ball(seen, truth(seen.time).tip) for seen in run[:8]]
+    fits = []
+    fit_tube = search.fit_tube
+    monkeypatch.setattr(search, "fit_tube", lambda *a, **k: fits.append(0) or fit_tube(*a, **k))
+
+    def counted(forget):
+        fits.clear()
+        motion, start = None, truth(0)
+        for seen in run:
+            tried = None if motion is None or forget else motion.last.tried
+            result = reconstruct(seen, options=Options(start=start, tried=tried))
+            motion = Motion.after(result, motion)
+            start = motion.at(seen.time + 1 / RATE)
+        return len(fits)
+
+    assert counted(forget=False) < 0.6 * counted(forget=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -14,6 +15,8 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 _ITEM, _ERROR, _END = range(3)
+# The process that works ahead has so long to close what it has open.
+_PATIENCE_S = 5.0
 
 
 def ahead(items: Iterable[T]) -> Iterator[T]:
@@ -37,6 +40,10 @@ def ahead(items: Iterable[T]) -> Iterator[T]:
     process = context.Process(target=_make, args=(items, receiver, sender), daemon=True)
     for stream in (sys.stdout, sys.stderr):
         stream.flush()  # what waits there would be written twice
+    opencv = sys.modules.get("cv2")
+    threads = opencv.getNumThreads() if opencv else 0
+    if opencv:
+        opencv.setNumThreads(1)  # the copy would wait for threads that it does not have
     with warnings.catch_warnings():
         # Python 3.12 warns where libraries hold threads; none of them is used in the copy.
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -59,7 +66,11 @@ def ahead(items: Iterable[T]) -> Iterator[T]:
     finally:
         receiver.close()
         process.terminate()
+        process.join(_PATIENCE_S)
+        process.kill()  # where it waits for something that never comes
         process.join()
+        if opencv:
+            opencv.setNumThreads(threads)
 
 
 def _can_fork() -> bool:
@@ -70,6 +81,8 @@ def _can_fork() -> bool:
 
 def _make(items: Iterable[Any], receiver: Connection, sender: Connection) -> None:
     """In the copy: send what is made; the pipe, when full, holds it back."""
+    # What was left for collection before would, when freed here, wait for threads that it lacks.
+    gc.freeze()
     receiver.close()
     # The other process hears the interrupt, too, and ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

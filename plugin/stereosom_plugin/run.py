@@ -18,7 +18,7 @@ from .acquisition import Acquisition
 from .ahead import ahead
 from .centerline import read_vtp
 from .output import OutputFolder, centerline_path
-from .segmentation import Segment, Show, observe, segment_xray
+from .segmentation import Segment, Show, is_own, observe
 
 # Frames that are made again where an interrupted run goes on.
 REPEATED = 3
@@ -77,7 +77,7 @@ def reconstruct_run(
     options = _resumed(folder, options, again)
     wanted = chain(again, progress(left))
     seen: Iterable[Observation] = observe(acquisition, segment, frames=wanted, show=show)
-    if segment is segment_xray:  # a user's own may hold what cannot be copied
+    if is_own(segment):  # a user's may hold what cannot be copied
         seen = ahead(seen)
     observations = _watched(seen, watch)
     for result in track(observations, method=method, options=options):

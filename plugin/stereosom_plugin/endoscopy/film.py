@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from io import IOBase
 from pathlib import Path
@@ -60,6 +61,7 @@ class Film:
         )
         self._number = {stamp: number for number, stamp in enumerate(self._stamps)}
         self._rewind(0)
+        self._process = os.getpid()
 
     def __len__(self) -> int:
         return len(self._stamps)
@@ -72,6 +74,12 @@ class Film:
         InputError
             Where its bytes cannot be decoded.
         """
+        if self._process != os.getpid():
+            # A copy of a process (`ahead`) lacks the decoder's threads; closed, it would wait
+            # for them.
+            self._left = self._container, self._stream, self._frames
+            self._container, self._stream = self._open()
+            self._process, self._next = os.getpid(), len(self) + 1
         if not self._next <= number <= self._next + _AHEAD:
             self._rewind(number)
         try:

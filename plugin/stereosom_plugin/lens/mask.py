@@ -35,9 +35,9 @@ def undistorted_mask_pixels(mask: Any, lens: Lens) -> Floats:
     """Whole pixels (x, y) that the device covers in the ideal camera's picture, (n, 2).
 
     Only what lies near the device is asked for: where its pixels are undistorted is told first,
-    and every whole pixel about there is distorted, to look up whether the mask covers it. So
-    the result has neither the holes nor the doubles that moving each pixel by itself would
-    leave where the lens stretches or shrinks.
+    and every whole pixel about there is distorted, to look up whether the mask covers it. So the
+    result has neither the holes nor the doubles that moving each pixel by itself would leave
+    where the lens stretches or shrinks.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def _by_cells(mask: Mask, lens: Lens) -> Floats | None:
     found = cover.reshape(-1, _CELL_PX, _CELL_PX) >= 0.5
     drawn[y[partly], :, x[partly]] = found
     row, column = np.divmod(np.flatnonzero(drawn), held.shape[1] * _CELL_PX)
-    return np.column_stack([column, row]).astype(np.float64) + start * _CELL_PX
+    return np.asarray(np.column_stack([column, row]) + start * _CELL_PX, dtype=np.float64)
 
 
 def _any_and_all(mask: Mask) -> tuple[Mask, Mask]:

@@ -168,7 +168,7 @@ def _corners(loop: Floats) -> Floats:
     """The points of a line at which it turns, and its ends: the rest takes time to draw."""
     steps = np.diff(loop, axis=0)
     turns = np.any(steps[1:] != steps[:-1], axis=1)
-    return loop[np.concatenate([[True], turns, [True]])]
+    return np.asarray(loop[np.concatenate([[True], turns, [True]])])
 
 
 def deviation_px(camera: Camera, points: Floats, covariance: Floats) -> Floats:

@@ -4,6 +4,8 @@ Any function that maps an image to a boolean mask of its size can stand in for
 `segment_xray` in `observe`; `own.load_segmenter` finds one by name.
 """
 
+from typing import Any
+
 from . import endoscope
 from .binary import binary
 from .biplane import BiplaneSegmenter
@@ -19,7 +21,14 @@ __all__ = [
     "Show",
     "binary",
     "endoscope",
+    "is_own",
     "observe",
     "outline",
     "segment_xray",
 ]
+
+
+def is_own(segment: Any) -> bool:
+    """Whether a segmentation, or a pair of them, is one of this package's without a model."""
+    pair = segment if isinstance(segment, tuple) else (segment,)
+    return all(one is segment_xray or isinstance(one, endoscope.Eye) for one in pair)

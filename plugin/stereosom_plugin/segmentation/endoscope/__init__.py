@@ -2,6 +2,6 @@
 
 from .color import Box, Stroke
 from .edges import edge_mask
-from .segmenter import segmenter
+from .segmenter import Eye, segmenter
 
-__all__ = ["Box", "Stroke", "edge_mask", "segmenter"]
+__all__ = ["Box", "Eye", "Stroke", "edge_mask", "segmenter"]

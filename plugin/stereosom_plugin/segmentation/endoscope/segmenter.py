@@ -91,7 +91,7 @@ def segmenter(
         return by_edges, by_edges
     if background is not None:
         left, right = (
-            _Eye(Before(light(one, f"background ({eye})"), width_px))
+            Eye(Before(light(one, f"background ({eye})"), width_px))
             for one, eye in zip(background, ("left", "right"), strict=True)
         )
         return left, right
@@ -101,9 +101,9 @@ def segmenter(
         seen = light(example, "example")
         sample = in_box(seen.shape, color_box) if color_box else on_stroke(seen.shape, stroke or ())
         by_color = ByColor(DeviceColor(seen, sample), seen.shape[2], width_px)
-        return _Eye(by_color), _Eye(by_color)
+        return Eye(by_color), Eye(by_color)
     plain = Before(None, width_px)
-    return _Eye(plain), _Eye(plain)
+    return Eye(plain), Eye(plain)
 
 
 class _Edges:
@@ -115,7 +115,7 @@ class _Edges:
         return np.asarray(edge_mask(np.rint(gray).astype(np.uint8), self.threshold))
 
 
-class _Eye:
+class Eye:
     """One eye's segmentation. It remembers where the device was, and looks there first."""
 
     def __init__(self, finder: Finder) -> None:
@@ -124,6 +124,7 @@ class _Eye:
         self.evidence: Evidence | None = None
 
     def __call__(self, image: Any) -> Mask:
+        """The mask of a picture."""
         if self.last is not None and self.evidence is not None:
             picture = as_bytes(image)
             ribbon = trace(
