@@ -136,8 +136,8 @@ class TubeSearch:
 
     def _gates(self, curve: Floats, radius: float) -> Sequence[float]:
         """For a curve that is followed: a device that is wide in the picture moves farther."""
-        pixel = min(float(c.pixel_size(curve).mean()) for c in (self.seen.rig.a, self.seen.rig.b))
-        wide = radius / pixel
+        cameras, middle = (self.seen.rig.a, self.seen.rig.b), curve[[len(curve) // 2]]
+        wide = radius / min(float(camera.pixel_size(middle)[0]) for camera in cameras)
         return (wide, *ON_TRACK) if wide > ON_TRACK[0] else ON_TRACK
 
     def _fit(self, curve: Floats, radius: float, gates: Sequence[float], **details: Any) -> TubeFit:

@@ -19,8 +19,10 @@ def best_way(score: npt.NDArray[Any], price: npt.NDArray[Any]) -> npt.NDArray[np
 
     Examples
     --------
-    >>> best_way(np.array([[1.0, 0, 0], [0, 0, 1], [0, 0, 1]]), np.array([0.2, 0, 0.2]))
-    array([1, 2, 2])
+    Two turns cost 0.4 and collect 3; straight on there is 1 to be had:
+
+    >>> best_way(np.eye(3), np.array([0.2, 0, 0.2]))
+    array([0, 1, 2])
     """
     count, wide = score.shape
     most = len(price) // 2
