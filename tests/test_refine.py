@@ -14,7 +14,7 @@ from stereosom import Camera, reconstruct
 from stereosom.refine import kernels as choice
 from stereosom.refine import reference
 from stereosom.refine.contour import Contour, mask_contour
-from stereosom.refine.fit import _ends_shown
+from stereosom.refine.fit import TubeFit, _ends_shown
 from stereosom.refine.look import Look, Tube
 from stereosom.refine.reach import seen_stretch
 from stereosom.refine.spline import spline_basis
@@ -192,6 +192,28 @@ def test_edges_that_belong_nowhere_are_counted_at_the_end_they_lie_about():
         base, tip = look.stray_at_ends
         assert base == 0
         assert 2 * look.half_width < tip < 2 * look.half_width + 2 * 10 / 7 * look.half_width
+
+
+def test_an_end_with_edges_beside_it_that_belong_nowhere_is_odd():
+    # What a flat end leaves that is tilted the wrong way: all else fits.
+    start, stop = np.array([-15.0, 3, 20]), np.array([28.0, -14, 120])
+    contours, tube = seen(start, stop, radius=7.0), straight(start, stop, radius=7.0)
+
+    def odd_ends(contours):
+        looks = looks_at(tube, contours, gate=3.0)
+        return TubeFit(BASIS.backbone(BASIS.through(tube.curve)), 7.0, tube, looks, False).odd_ends
+
+    assert odd_ends(contours) == (False, False)
+    half_width = looks_at(tube, contours)[0].half_width
+    inward, tip = RIG.a.project(tube.curve[-2:])
+    outward = (tip - inward) / np.linalg.norm(tip - inward)
+    beside = np.linspace(-0.8, 0.8, int(1.5 * half_width) + 6)[:, None] * half_width
+    points = tip + 1.5 * half_width * outward + beside * [-outward[1], outward[0]]
+    lost = Contour(
+        np.vstack([contours[0].points, points]),
+        np.vstack([contours[0].directions, np.tile(outward, (len(points), 1))]),
+    )
+    assert odd_ends((lost, contours[1])) == (False, True)
 
 
 def test_edges_that_face_the_other_way_belong_nowhere():

@@ -10,6 +10,7 @@ from ..arrays import Booleans, Floats
 from ..camera import StereoRig
 from ..reconstruction import HardFrame
 from .contour import Contour
+from .kernels import kernels
 from .look import Look, Tube
 
 # The curve is continued by so many radii, or pixels, at either end, to see whether it goes on.
@@ -170,8 +171,7 @@ def looked_along(rig: StereoRig, tube: Tube, end: int) -> bool:
 
 def _from_end(tube: Tube, end: int) -> Floats:
     """Distance of each sample from an end, 1 where the curve tells how it runs on."""
-    steps = np.linalg.norm(np.diff(tube.curve, axis=0), axis=1)
-    reach = np.concatenate([[0.0], np.cumsum(steps)])
+    reach = kernels().reach_along(tube.curve)
     return np.asarray((reach if end == 0 else reach[-1] - reach) / (_BEFORE * tube.radius))
 
 
