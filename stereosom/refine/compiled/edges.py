@@ -112,9 +112,11 @@ def match(picture, normals, bend, samples, points, directions, turning, reach): 
         dx, dy = directions[i, 0], directions[i, 1]
         column, row = int((px - left) / cell), int((py - top) / cell)
         best, found = reach**2, -1
+        in_x, in_y = px - left - column * cell, py - top - row * cell
+        inner = min(in_x, cell - in_x, in_y, cell - in_y)
         for ring in range(rings + 1):
             # All beyond the rings that were searched are farther off than this.
-            if ring and best <= ((ring - 1) * cell) ** 2:
+            if ring and best <= (inner + (ring - 1) * cell) ** 2:
                 break
             for near_row in range(max(row - ring, 0), min(row + ring + 1, rows)):
                 edge = near_row == row - ring or near_row == row + ring
