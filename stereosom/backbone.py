@@ -55,11 +55,9 @@ class Backbone:
                 f"backbone: {len(coefficients)} control points cannot carry degree {self.degree}"
             )
         knots = check_array(self.knots, "knots", (len(coefficients) + self.degree + 1,))
-        if np.any(knots[1:] < knots[:-1]) or knots[self.degree] >= knots[-self.degree - 1]:
-            raise ValueError("backbone: the knots must not decrease and must span something")
         object.__setattr__(self, "coefficients", coefficients)
-        object.__setattr__(self, "knots", knots)
-        if np.all(coefficients == coefficients[0]):
+        object.__setattr__(self, "knots", _checked_knots(knots.tobytes(), self.degree))
+        if (coefficients == coefficients[0]).all():
             raise ValueError("backbone: the curve has no length")
 
     # ---- ways to make one ------------------------------------------------------------
@@ -300,6 +298,15 @@ def _reflections(across: Floats) -> Floats:
     square = np.sum(across**2, axis=1)[:, None, None]
     outer = across[:, :, None] * across[:, None, :]
     return np.asarray(np.eye(3) - np.where(square > 1e-24, 2 * outer / (square + 1e-300), 0.0))
+
+
+@lru_cache(maxsize=64)
+def _checked_knots(knots: bytes, degree: int) -> Floats:
+    """Knots that may be a spline's: a run's curves share them, and they are looked at once."""
+    checked = np.frombuffer(knots)
+    if np.any(checked[1:] < checked[:-1]) or checked[degree] >= checked[-degree - 1]:
+        raise ValueError("backbone: the knots must not decrease and must span something")
+    return checked
 
 
 @lru_cache(maxsize=8)

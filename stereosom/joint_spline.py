@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -111,7 +112,7 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     residuals = _check(seen, fit)
     opened = (not fit.tube.capped[0], not fit.tube.capped[1])
     backbone, shares = _shown_stretch(seen, fit, opened)
-    pixel = float(seen.rig.a.pixel_size(backbone.coefficients[:1])[0])
+    pixel = float(seen.rig.a.pixel_size(backbone.coefficients[:1])[0]) if any(opened) else 0.0
     covariance = _covariance(fit, opened, shares, pixel)
     turned, because = _base_last(backbone, opened, seen, options)
     if turned:
@@ -145,7 +146,7 @@ def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
         ("b", seen.rig.b, seen.pixels_b),
     )
     for (view, camera, pixels), look in zip(views, fit.looks, strict=True):
-        unseen = 1 - float(look.rims_seen.any(axis=0).mean())
+        unseen = 1 - np.count_nonzero(look.rims_seen.any(axis=0)) / look.samples
         if unseen > MOST_UNSEEN:
             raise HardFrame(
                 f"view {view}: the pixels fall into separate pieces ({unseen:.0%} of the curve "
@@ -221,14 +222,14 @@ def _base_last(
     backbone: Backbone, opened: tuple[bool, bool], seen: Observation, options: Options
 ) -> tuple[bool, str]:
     """Whether the curve runs from tip to base, and why that is thought."""
-    ends = np.stack([backbone.base, backbone.tip])
+    base, tip = backbone.base, backbone.tip
     known = options.prior.base if options.start is None else options.start.base
     if known is not None:
-        away = np.linalg.norm(ends - known, axis=1)
         because = "" if options.start else "the base is the end nearest to the given one"
-        return bool(away[1] < away[0]), because
+        return math.dist(tip, known) < math.dist(base, known), because
     if opened[0] != opened[1]:
         return opened[1], "the base is the end at the picture's border"
+    ends = np.stack([base, tip])
     low = seen.rig.a.project(ends)[:, 1] + seen.rig.b.project(ends)[:, 1]
     return bool(low[1] > low[0]), (
         "nothing tells the base from the tip: the end lower in the pictures was taken"

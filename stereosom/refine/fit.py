@@ -20,7 +20,6 @@ from .contour import Contour
 from .kernels import kernels
 from .look import Look, Tube
 from .reach import seen_stretch
-from .reference import pieces
 from .spline import spline_basis
 from .uncertainty import covariance_along, noise_variance
 
@@ -93,8 +92,7 @@ class TubeFit:
         So is an outline without edges, for each pixel of it.
         """
         return sum(
-            float(look.squares.sum())
-            + 4 * (look.stray * look.edges + look.unseen_px(self.tube.capped))
+            sum(look.sums[2]) + 4 * (look.stray * look.edges + look.unseen_px(self.tube.capped))
             for look in self.looks
         )
 
@@ -108,10 +106,9 @@ class TubeFit:
             return False
         for look in self.looks:
             unseen = not look.cap_seen[end] and look.half_width > _NARROW_PX
-            piece = pieces(look.samples)[2 + end]
-            odd = _ODD * look.spread * float(look.weight[piece].sum()) + _ODD_PX2
+            weight, _, squares = (sums[2 + end] for sums in look.sums)
             beside = look.stray_at_ends[end] > _BESIDE * look.half_width + _BESIDE_PX
-            if unseen or beside or float(look.squares[piece].sum()) > odd:
+            if unseen or beside or squares > _ODD * look.spread * weight + _ODD_PX2:
                 return True
         return False
 
@@ -245,8 +242,8 @@ def _reach_in_pictures(rig: StereoRig, curve: Floats) -> Floats:
 
     Where the views leave depth open, length in space would count errors of it.
     """
-    steps = np.zeros(len(curve) - 1)
-    for camera in (rig.a, rig.b):
-        pixels, depth = kernels().steps_in_picture(camera.projection, curve)
-        steps = np.maximum(steps, pixels * (depth / camera.focal_length))
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    a, b = (kernels().steps_in_picture(camera.projection, curve) for camera in (rig.a, rig.b))
+    reach = np.zeros(len(curve))
+    steps = np.maximum(a[0] * (a[1] / rig.a.focal_length), b[0] * (b[1] / rig.b.focal_length))
+    np.cumsum(steps, out=reach[1:])
+    return reach

@@ -12,7 +12,7 @@ from ..camera import Camera
 from ..reconstruction import HardFrame
 from .contour import Contour
 from .kernels import kernels
-from .reference import owners, pieces
+from .reference import owners
 from .spline import SplineBasis
 
 # A rim is seen where edges lie no farther off than this, px and as a share of the half width.
@@ -56,8 +56,7 @@ class Tube:
     @property
     def length(self) -> float:
         """Of the curve, mm."""
-        steps = np.diff(self.curve, axis=0)
-        return float(np.sqrt(np.einsum("ni,ni->n", steps, steps)).sum())
+        return float(kernels().reach_along(self.curve)[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +70,8 @@ class Look:
     weight, total, squares : (k,) arrays
         Sums over the edges that belong to each point: of their weights, and of their residuals,
         px, and those squared, times weight.
+    sums : three of four floats
+        Of weight, total and squares: over the left rim, the right one, the base and the tip.
     noise : float
         Variance of an estimate times the sum of its weights, px²: of the residuals, where all
         weigh the same.
@@ -97,6 +98,7 @@ class Look:
     weight: Floats
     total: Floats
     squares: Floats
+    sums: tuple[list[float], list[float], list[float]]
     noise: float
     stray: float
     half_width: float
@@ -146,10 +148,10 @@ class Look:
             )
         except ValueError:
             raise HardFrame("the fit runs behind a camera") from None
-        picture, normals, pull, turn, grow, weight, total, squares, numbers = looked
+        picture, normals, pull, turn, grow, weight, total, squares, sums, numbers = looked
         noise, stray, half_width, told, alone, *about = numbers.tolist()
         return cls(
-            picture, normals, pull, turn, grow, weight, total, squares,
+            picture, normals, pull, turn, grow, weight, total, squares, tuple(sums.tolist()),
             noise, stray, half_width, len(contour), int(told), alone,
             (int(about[0]), int(about[1])),
         )  # fmt: skip
@@ -188,7 +190,8 @@ class Look:
     @cached_property
     def spread(self) -> float:
         """Mean of the squared residuals, px²."""
-        return float(self.squares.sum()) / max(float(self.weight.sum()), 1e-9)
+        weight, _, squares = self.sums
+        return sum(squares) / max(sum(weight), 1e-9)
 
     @cached_property
     def noise_variance(self) -> float:
@@ -199,18 +202,19 @@ class Look:
     @cached_property
     def cap_seen(self) -> tuple[bool, bool]:
         """Whether edges make a flat end at the base, and at the tip."""
-        _, _, base, tip = pieces(self.samples)
+        _, _, base, tip = self.sums[0]
         least = _CAP_SHARE * 2 * self.half_width
-        return bool(self.weight[base].sum() > least), bool(self.weight[tip].sum() > least)
+        return base > least, tip > least
 
     @property
     def cap_offsets(self) -> tuple[float, float]:
         """How far the flat ends lie beyond the tube's, base and tip, px; NaN where not seen."""
-        offsets = [
-            float(self.total[cap].sum() / self.weight[cap].sum()) if seen else np.nan
-            for cap, seen in zip(pieces(self.samples)[2:], self.cap_seen, strict=True)
-        ]
-        return offsets[0], offsets[1]
+        weight, total, _ = self.sums
+        base, tip = (
+            total[cap] / weight[cap] if seen else np.nan
+            for cap, seen in zip((2, 3), self.cap_seen, strict=True)
+        )
+        return base, tip
 
     @property
     def middle_offset(self) -> float:

@@ -87,7 +87,7 @@ class TubeSearch:
         fits, refused = [], None
         if first is not None:
             with suppress(HardFrame):
-                fits.append(self._fit(first, _width_radius(self.seen, first), FROM_AFAR))
+                fits.append(self._fit(first, _radius_by_area(self.seen, first)[0], FROM_AFAR))
         close = eyes_alike(self.seen.rig)
         begins = [(first_curve, FROM_NEAR), (first_curve, FROM_AFAR)]
         if not close:
@@ -113,8 +113,10 @@ class TubeSearch:
         the next frame need not try.
         """
         curve = start.polyline(_SAMPLES)
-        radius = _width_radius(self.seen, curve)
-        fit = self._fit(curve, radius, self._gates(curve, radius), settled_px=_FOLLOWED_PX)
+        radius, half_width = _radius_by_area(self.seen, curve)
+        # A device that is wide in the picture moves farther.
+        gates = (half_width, *ON_TRACK) if half_width > ON_TRACK[0] else ON_TRACK
+        fit = self._fit(curve, radius, gates, settled_px=_FOLLOWED_PX)
         if not eyes_alike(self.seen.rig):
             fit = self._nearer_or_farther(fit)
         if _as_good(fit, tried):
@@ -133,12 +135,6 @@ class TubeSearch:
                 fit = other if other.cost < _BETTER * fit.cost else fit
         odd = (odd[0] or fit.odd_ends[0], odd[1] or fit.odd_ends[1])
         return fit, Tried(odd, _cost_per_edge(fit)) if any(odd) or _doubtful(fit) else None
-
-    def _gates(self, curve: Floats, radius: float) -> Sequence[float]:
-        """For a curve that is followed: a device that is wide in the picture moves farther."""
-        cameras, middle = (self.seen.rig.a, self.seen.rig.b), curve[[len(curve) // 2]]
-        wide = radius / min(float(camera.pixel_size(middle)[0]) for camera in cameras)
-        return (wide, *ON_TRACK) if wide > ON_TRACK[0] else ON_TRACK
 
     def _fit(self, curve: Floats, radius: float, gates: Sequence[float], **details: Any) -> TubeFit:
         radius = self.radius or radius
@@ -243,8 +239,8 @@ def _as_good(fit: TubeFit, tried: Tried | None) -> bool:
 
 def _pieces(curve: Floats, radius: float) -> int:
     """Pieces of spline for a device along a curve (n, 3): a long thin one may have more bends."""
-    widths = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum()) / (2 * radius)
-    return int(np.clip(widths / _PIECE_WIDTHS, _FEWEST, _MOST))
+    widths = float(kernels().reach_along(curve)[-1]) / (2 * radius)
+    return int(min(max(widths / _PIECE_WIDTHS, _FEWEST), _MOST))
 
 
 def _doubtful(fit: TubeFit) -> bool:
@@ -260,13 +256,14 @@ def _misses(fit: TubeFit) -> bool:
     )
 
 
-def _width_radius(seen: Observation, curve: Floats) -> float:
-    """Radius of a filled device that follows a curve (n, 3), by the area of its masks, mm."""
-    radii = []
+def _radius_by_area(seen: Observation, curve: Floats) -> tuple[float, float]:
+    """Radius of a filled device along a curve (n, 3), mm, and where it is larger, px."""
+    radii, sizes = [], []
     curve = curve[::4]
     for camera, pixels in ((seen.rig.a, seen.pixels_a), (seen.rig.b, seen.pixels_b)):
         steps, depth = kernels().steps_in_picture(camera.projection, curve)
-        half_width = len(pixels) / max(float(steps.sum()), 1.0) / 2
-        radii.append(half_width * depth / camera.focal_length)
+        sizes.append(depth / camera.focal_length)
+        radii.append(len(pixels) / max(float(steps.sum()), 1.0) / 2 * sizes[-1])
     # Dirt adds to an area, and holes take from it; a device that went is no wide one.
-    return float(min(radii))
+    radius = min(radii)
+    return radius, radius / min(sizes)

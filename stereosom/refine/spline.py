@@ -53,8 +53,8 @@ class SplineBasis:
         self.values: Floats = self.at(at)
         self.slopes: Floats = BSpline(self.knots, np.eye(self.count), DEGREE)(at, nu=1)
         self.first: Integers = np.minimum((at * segments).astype(np.int64), segments - 1)
-        self._differences: Floats = np.diff(np.eye(self.count), ORDER, axis=0)
-        self.roughness: Floats = self._differences.T @ self._differences
+        differences = np.diff(np.eye(self.count), ORDER, axis=0)
+        self.roughness: Floats = differences.T @ differences
         self._around: Floats = gaussian_filter1d(
             np.eye(self.count - ORDER), _STRETCH * self.count, axis=0, mode="nearest"
         )
@@ -95,13 +95,8 @@ class SplineBasis:
         control : (m, 3) array
             Of a curve near to the one that is sought.
         """
-        squares = np.sum((self._differences @ control) ** 2, axis=1)
-        around = self._around @ squares
-        mean = float(squares.mean())
-        if not mean > 0:
-            return self.roughness
-        allowed = np.maximum(around / mean, _STRAIGHTEST)
-        return np.asarray(self._differences.T @ (self._differences / allowed[:, None]))
+        rough: Floats = kernels().roughness_like(control, self._around, _STRAIGHTEST)
+        return rough
 
     def backbone(self, control: Floats) -> Backbone:
         """The curve of control points (m, 3)."""

@@ -1,7 +1,7 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
 from .edges import contour, look, match, middle_offset, rims_seen, unseen
-from .equations import by_length, covariance, step, sweep
+from .equations import by_length, covariance, roughness_like, step, sweep
 from .lengths import evenly, reach_along, steps_in_picture
 from .noise import likeness, rounding
 from .outline import outline
@@ -18,6 +18,7 @@ __all__ = [
     "outline",
     "reach_along",
     "rims_seen",
+    "roughness_like",
     "rounding",
     "step",
     "steps_in_picture",

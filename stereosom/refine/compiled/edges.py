@@ -204,12 +204,19 @@ def look(projection, center, curve, tangents, radius, capped, points, directions
         alone = pulls / weights
         noise = pulls / kept * (weights / kept) / max(holds / kept, 0.1) ** 2
     told = 0
-    for k in range(count):
-        told += weight[k] > 0
+    sums = np.zeros((3, 4))
+    start = 0
+    for number, length in enumerate((len(curve), len(curve), CAP_POINTS, CAP_POINTS)):
+        for k in range(start, start + length):
+            told += weight[k] > 0
+            sums[0, number] += weight[k]
+            sums[1, number] += total[k]
+            sums[2, number] += squares[k]
+        start += length
     numbers = np.array(
         [noise, 1 - kept / max(len(points), 1), half_width, told, alone, about[0], about[1]]
     )
-    return picture, normals, pull, turn, grow, weight, total, squares, numbers
+    return picture, normals, pull, turn, grow, weight, total, squares, sums, numbers
 
 
 @compiled

@@ -93,6 +93,29 @@ def step(  # type: ignore[no-untyped-def]
 
 
 @compiled
+def roughness_like(control, around, straightest):  # type: ignore[no-untyped-def]
+    """As `reference.roughness_like`."""
+    m = len(control)
+    squares, mean = np.zeros(m - 2), 0.0
+    for i in range(m - 2):
+        for axis in range(3):
+            squares[i] += (control[i, axis] - 2 * control[i + 1, axis] + control[i + 2, axis]) ** 2
+        mean += squares[i] / (m - 2)
+    rough = np.zeros((m, m))
+    for i in range(m - 2):
+        allowed = 1.0
+        if mean > 0:
+            nearby = 0.0
+            for j in range(m - 2):
+                nearby += around[i, j] * squares[j]
+            allowed = max(nearby / mean, straightest)
+        for j, one in enumerate((1.0, -2.0, 1.0)):
+            for k, other in enumerate((1.0, -2.0, 1.0)):
+                rough[i + j, i + k] += one * other / allowed
+    return rough
+
+
+@compiled
 def covariance(  # type: ignore[no-untyped-def]
     values, slopes, first, speed, outline_a, outline_b, view_a, view_b,
     together, noise, length, radius_known,

@@ -13,15 +13,12 @@ from .numba_options import compiled
 def rounding(picture, normals, weight, samples, together):  # type: ignore[no-untyped-def]
     """As `reference.rounding`; of the harmonics, each follows from the first."""
     shared = np.zeros(len(weight))
-    sigma = together / 2.5
-    wide = int(4.0 * sigma + 0.5)
-    bell = np.exp(-0.5 * (np.arange(-wide, wide + 1) / sigma) ** 2)
-    bell /= bell.sum()
+    half = together // 2
     start = 0
     for number in range(4):
         n = samples if number < 2 else CAP_POINTS
-        # Beyond both ends the last value stands, as far as the bell is wide.
-        real, imaginary = np.empty((2, HARMONICS, n + 2 * wide))
+        real, imaginary = np.empty((2, HARMONICS, n))
+        once, x, y = np.empty((3, n))
         for axis in range(2):
             of_axis = np.zeros(n)
             for k in range(n):
@@ -29,24 +26,21 @@ def rounding(picture, normals, weight, samples, together):  # type: ignore[no-un
                 step = picture[start + after, axis] - picture[start + before, axis]
                 step = np.pi * step / (after - before)
                 angle = 2 * np.pi * picture[start + k, axis]
-                _harmonics(np.cos(angle), np.sin(angle), step, real, imaginary, wide + k)
+                _harmonics(np.cos(angle), np.sin(angle), step, real, imaginary, k)
             for h in range(HARMONICS):
                 share = 1 / (2 * np.pi**2 * (h + 1) ** 2)
                 if number < 2:
-                    for padded in (real[h], imaginary[h]):
-                        padded[:wide], padded[n + wide :] = padded[wide], padded[n + wide - 1]
+                    _mean(real[h], half, once)
+                    _mean(once, half, x)
+                    _mean(imaginary[h], half, once)
+                    _mean(once, half, y)
                     for k in range(n):
-                        x, y = bell[wide] * real[h, wide + k], bell[wide] * imaginary[h, wide + k]
-                        for j in range(wide):  # a bell is alike on both sides
-                            other = k + 2 * wide - j
-                            x += bell[j] * (real[h, k + j] + real[h, other])
-                            y += bell[j] * (imaginary[h, k + j] + imaginary[h, other])
-                        of_axis[k] += (x**2 + y**2) * share
+                        of_axis[k] += (x[k] ** 2 + y[k] ** 2) * share
                 else:
                     cos, sin, crossed = 0.0, 0.0, 0.0
                     for k in range(n):
                         w = weight[start + k] * abs(normals[start + k, axis])
-                        cos, sin = cos + w * real[h, wide + k], sin + w * imaginary[h, wide + k]
+                        cos, sin = cos + w * real[h, k], sin + w * imaginary[h, k]
                         crossed += w
                     of_axis += (cos**2 + sin**2) / max(crossed, 1e-9) ** 2 * share
             for k in range(n):
@@ -62,6 +56,18 @@ def rounding(picture, normals, weight, samples, together):  # type: ignore[no-un
             shared[start : start + n] *= weight[start : start + n].sum()
         start += n
     return shared
+
+
+@compiled
+def _mean(values, half, found):  # type: ignore[no-untyped-def]
+    """Fill in the mean over as many values before as after; beyond both ends the last stand."""
+    last = len(values) - 1
+    running = 0.0
+    for k in range(-half, half + 1):
+        running += values[min(max(k, 0), last)]
+    for k in range(last + 1):
+        found[k] = running / (2 * half + 1)
+        running += values[min(k + half + 1, last)] - values[max(k - half, 0)]
 
 
 @compiled

@@ -6,7 +6,7 @@ and as many around the tip's.
 """
 
 from .edges import contour, look, match, middle_offset, rims_seen, unseen
-from .equations import assemble, by_length, covariance, step, sweep
+from .equations import assemble, by_length, covariance, roughness_like, step, sweep
 from .lengths import evenly, reach_along, steps_in_picture
 from .noise import HARMONICS, likeness, rounding
 from .outline import CAP_POINTS, NOWHERE, outline, owners, pieces
@@ -29,6 +29,7 @@ __all__ = [
     "pieces",
     "reach_along",
     "rims_seen",
+    "roughness_like",
     "rounding",
     "step",
     "steps_in_picture",

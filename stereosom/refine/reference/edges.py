@@ -129,7 +129,7 @@ def look(
     points: Floats,
     directions: Floats,
     gate: float,
-) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
     """Outline of a tube, and the sums over the edges that belong to each of its points.
 
     Parameters
@@ -145,6 +145,8 @@ def look(
     -------
     picture, normals, pull, turn, grow, weight, total, squares : arrays
         As in `Look`.
+    (3, 4) array
+        Sums of weight, total and squares over both rims, the base and the tip.
     (7,) array
         Noise, share of stray edges and half width, as in `Look`; number of points of the outline
         that edges belong to; the sum of squared weighted residuals over that of weights, px²;
@@ -190,8 +192,10 @@ def look(
         np.asarray(np.bincount(nearest, summand, len(picture)), dtype=np.float64)
         for summand in (weight, weight * residual, weight * residual**2)
     ]
+    starts = [piece.start for piece in pieces(len(curve))]
     return (
         picture, normals, pull, turn, grow, sums[0], sums[1], sums[2],
+        np.add.reduceat(sums, starts, axis=1),
         np.array([
             noise, 1 - len(residual) / max(len(points), 1), half_width, np.count_nonzero(sums[0]),
             alone, about_base, about_tip,

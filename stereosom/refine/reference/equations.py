@@ -45,6 +45,30 @@ def sweep(
     return values @ control, speed, velocity / speed[:, None]
 
 
+def roughness_like(control: Floats, around: Floats, straightest: float) -> Floats:
+    """As of `SplineBasis.roughness_like`.
+
+    Parameters
+    ----------
+    control : (m, 3) array
+    around : (m - 2, m - 2) array
+        Takes the mean over a stretch around each second difference.
+    straightest : float
+        No stretch is taken to be straighter than so much of the mean.
+
+    Returns
+    -------
+    (m, m) array
+    """
+    differences = np.diff(np.eye(len(control)), 2, axis=0)
+    squares = np.sum((differences @ control) ** 2, axis=1)
+    mean = float(squares.mean())
+    if not mean > 0:
+        return np.asarray(differences.T @ differences)
+    allowed = np.maximum(around @ squares / mean, straightest)
+    return np.asarray(differences.T @ (differences / allowed[:, None]))
+
+
 def assemble(
     values: Floats,
     slopes: Floats,

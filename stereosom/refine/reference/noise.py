@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from ...arrays import Floats
 from .outline import pieces
@@ -39,6 +39,7 @@ def rounding(
     (k,) array
     """
     shared = np.zeros(len(weight))
+    wide = 2 * (together // 2) + 1
     for number, piece in enumerate(pieces(samples)):
         place, edges = picture[piece], weight[piece]
         step = np.gradient(place, axis=0)
@@ -49,7 +50,9 @@ def rounding(
                 # Between two points of the outline it runs on.
                 phase = np.exp(2j * np.pi * h * place[:, axis]) * np.sinc(h * step[:, axis])
                 if number < 2:
-                    mean = gaussian_filter1d(phase, together / 2.5, mode="nearest")
+                    # Taken twice: a mean with a soft window, about as wide as a bell of that size.
+                    mean = uniform_filter1d(phase, wide, mode="nearest")
+                    mean = uniform_filter1d(mean, wide, mode="nearest")
                 else:
                     crossed = edges * np.abs(normals[piece, axis])
                     mean = np.sum(crossed * phase) / max(float(crossed.sum()), 1e-9)
