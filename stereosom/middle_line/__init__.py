@@ -92,8 +92,9 @@ def middle_line(pixels: Floats, count: int | None = None) -> MiddleLine:
 
 def _small_mask(pixels: Floats) -> tuple[Booleans, Floats, int]:
     """The mask, cut out and made small, (rows, columns); its corner (x, y); the factor."""
-    corner = np.floor(pixels.min(axis=0)) - 1
-    column, row = np.rint(pixels - corner).astype(int).T
+    x, y = pixels.T  # a minimum over each takes a tenth of that over both
+    corner = np.floor([x.min(), y.min()]) - 1
+    column, row = np.rint(x - corner[0]).astype(int), np.rint(y - corner[1]).astype(int)
     mask = np.zeros((row.max() + 2, column.max() + 2), dtype=bool)
     mask[row, column] = True
     edges = np.count_nonzero(mask[1:] != mask[:-1]) + np.count_nonzero(mask[:, 1:] != mask[:, :-1])
@@ -102,9 +103,10 @@ def _small_mask(pixels: Floats) -> tuple[Booleans, Floats, int]:
     factor = max(1, int(width / _THIN_WIDTH))
     if factor > 1:
         rows, columns = (-(-length // factor) for length in mask.shape)
-        blocks = np.zeros((rows * factor, columns * factor), dtype=np.uint8)
+        blocks = np.zeros((rows * factor, columns * factor), dtype=np.uint32)
         blocks[: mask.shape[0], : mask.shape[1]] = mask
-        filled = blocks.reshape(rows, factor, columns, factor).sum(axis=(1, 3))
+        filled = blocks.reshape(rows, factor, -1).sum(axis=1)  # rows first: they lie in one piece
+        filled = filled.reshape(rows, columns, factor).sum(axis=2)
         mask = np.pad(filled > factor**2 / 2, 1)
         corner = corner - factor
     return mask, corner, factor

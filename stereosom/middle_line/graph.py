@@ -8,7 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Booleans, Floats
+from ..arrays import Booleans, Floats, Integers
+
+# Steps to the neighbors of a pixel: (rows down, columns to the right).
+_STRAIGHT = ((-1, 0), (0, 1), (1, 0), (0, -1))
+_DIAGONAL = ((-1, -1), (-1, 1), (1, -1), (1, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +46,7 @@ def skeleton_chains(skeleton: Booleans) -> list[Chain]:
     skeleton : (rows, columns) array of bool
     """
     pixels = np.argwhere(skeleton)
-    links = _links([(int(row), int(column)) for row, column in pixels])
+    links = _links(pixels, skeleton.shape)
     nodes = _nodes(links)
     chains = []
     used: set[tuple[int, int]] = set()
@@ -95,21 +99,18 @@ def _join_one(chains: list[Chain], degree: Counter[int]) -> bool:
     return False
 
 
-def _links(pixels: list[tuple[int, int]]) -> list[list[int]]:
-    """Neighbors of each pixel; diagonal ones only where no straight way leads there."""
-    place = {pixel: number for number, pixel in enumerate(pixels)}
-    links = []
-    for row, column in pixels:
-        straight = [(row - 1, column), (row, column + 1), (row + 1, column), (row, column - 1)]
-        found = [pixel for pixel in straight if pixel in place]
-        for down in (-1, 1):
-            for right in (-1, 1):
-                diagonal = (row + down, column + right)
-                beside = (row + down, column) in place or (row, column + right) in place
-                if diagonal in place and not beside:
-                    found.append(diagonal)
-        links.append([place[pixel] for pixel in found])
-    return links
+def _links(pixels: Integers, shape: tuple[int, ...]) -> list[list[int]]:
+    """Neighbors of each pixel (n, 2); diagonal ones only where no straight way leads there."""
+    place = np.full((shape[0] + 2, shape[1] + 2), -1)
+    row, column = pixels.T + 1
+    place[row, column] = np.arange(len(pixels))
+    straight = [place[row + down, column + right] for down, right in _STRAIGHT]
+    diagonal = []
+    for down, right in _DIAGONAL:
+        beside = (place[row + down, column] >= 0) | (place[row, column + right] >= 0)
+        diagonal.append(np.where(beside, -1, place[row + down, column + right]))
+    near = np.stack(straight + diagonal, axis=1)
+    return [[pixel for pixel in found if pixel >= 0] for found in near.tolist()]
 
 
 def _nodes(links: list[list[int]]) -> dict[int, int]:

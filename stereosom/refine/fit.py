@@ -85,7 +85,7 @@ class TubeFit:
             for seen, capped in zip(look.cap_seen, self.tube.capped, strict=True)
         )
 
-    @property
+    @cached_property
     def cost(self) -> float:
         """Sum of squared residuals, px²; edges that belong nowhere are two pixels off.
 

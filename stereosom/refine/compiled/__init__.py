@@ -5,6 +5,7 @@ from .equations import by_length, covariance, roughness_like, step, sweep
 from .lengths import evenly, reach_along, steps_in_picture
 from .noise import likeness, rounding
 from .outline import outline
+from .pairing import pair_in_order
 
 __all__ = [
     "by_length",
@@ -16,6 +17,7 @@ __all__ = [
     "match",
     "middle_offset",
     "outline",
+    "pair_in_order",
     "reach_along",
     "rims_seen",
     "roughness_like",

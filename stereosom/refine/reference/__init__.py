@@ -10,6 +10,7 @@ from .equations import assemble, by_length, covariance, roughness_like, step, sw
 from .lengths import evenly, reach_along, steps_in_picture
 from .noise import HARMONICS, likeness, rounding
 from .outline import CAP_POINTS, NOWHERE, outline, owners, pieces
+from .pairing import pair_in_order
 
 __all__ = [
     "CAP_POINTS",
@@ -26,6 +27,7 @@ __all__ = [
     "middle_offset",
     "outline",
     "owners",
+    "pair_in_order",
     "pieces",
     "reach_along",
     "rims_seen",
