@@ -20,22 +20,25 @@ class HardFrame(ValueError):
 
 @dataclass(frozen=True)
 class Tried:
-    """A fit that stayed doubtful after all was tried, for the frame that follows it.
+    """What was tried for the ends of a fit, for the frame that follows it.
 
     Attributes
     ----------
     odd_ends : (bool, bool)
-        Whether the base, and the tip, is seen worse than the rest.
+        Whether the base, and the tip, stays seen worse than the rest, whatever is tried.
     cost : float
         Per point of the outlines, px².
+    round_ends : (bool, bool)
+        Whether the base, and the tip, was found to be rounded.
     """
 
     odd_ends: tuple[bool, bool]
     cost: float
+    round_ends: tuple[bool, bool] = (False, False)
 
     def reversed(self) -> Tried:
         """The same of the curve from tip to base."""
-        return Tried(self.odd_ends[::-1], self.cost)
+        return Tried(self.odd_ends[::-1], self.cost, self.round_ends[::-1])
 
 
 @dataclass(frozen=True, eq=False)

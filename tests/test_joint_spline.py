@@ -13,7 +13,7 @@ from stereosom.metrics import closest_on_curve, curve_errors
 from stereosom.middle_line import middle_line
 from stereosom.refine.contour import mask_contour
 from stereosom.refine.reference import outline
-from stereosom.synthetic import arc, converging_rig, observe
+from stereosom.synthetic import arc, converging_rig, growing_helix, observe
 
 # Mean at equal arc length and error of the tip, mm, without registration, ends included.
 TRUTH_TABLE = {
@@ -103,6 +103,16 @@ def test_the_middle_line_goes_straight_on_where_a_device_crosses_itself():
     assert line.width == pytest.approx(12, rel=0.25)
 
 
+@pytest.mark.parametrize("angle", [20, 45, 90])
+def test_a_device_with_rounded_ends_reaches_to_the_middles_of_their_balls(angle):
+    device = growing_helix(200, 110, 1.0)  # drawn as balls along it
+    result = reconstruct(observe(device, 3.2, converging_rig(angle)))
+    ends = np.stack([result.backbone.base, result.backbone.tip])
+    away = np.linalg.norm(ends[:, None] - np.stack([device.base, device.tip]), axis=2)
+    assert away.min(axis=1).max() < 0.1
+    assert result.backbone.length == pytest.approx(device.length, abs=0.15)
+
+
 def test_matching_leaves_an_unseen_end_without_partner():
     height = np.linspace(0, 500, 80)
     matching = match_monotone(height, height[:60])
@@ -126,7 +136,7 @@ def test_a_flat_end_seen_obliquely_shows_half_an_ellipse():
     z = np.linspace(35.0, 115.0, 50)
     curve, up = np.column_stack([0 * z, 0 * z, z]), np.tile([0.0, 0, 1], (50, 1))
     camera = converging_rig(60).a
-    capped = np.array([True, True])
+    capped = np.array([1, 1])
     picture, *_ = outline(camera.projection, camera.center, curve, up, 3.0, capped)
     below = picture[:, 1].max() - camera.project(curve[:1])[0, 1]
     assert below == pytest.approx(3.0 * (40 / 701) * 2400 / 700, rel=0.1)

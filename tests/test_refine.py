@@ -21,11 +21,12 @@ from stereosom.refine.spline import spline_basis
 from stereosom.synthetic import arc, converging_rig, observe
 
 RIG = converging_rig(60)
-CAPPED = np.array([True, True])
+FLAT, OPEN, ROUND = reference.FLAT, reference.OPEN, reference.ROUND
+CAPPED = np.array([FLAT, FLAT])
 BASIS = spline_basis(8)
 
 
-def straight(start, stop, radius=2.0, capped=(True, True), basis=BASIS):
+def straight(start, stop, radius=2.0, capped=(FLAT, FLAT), basis=BASIS):
     """A tube along a line."""
     return Tube.of(basis, basis.control_points(np.linspace(start, stop, 100)), radius, capped)
 
@@ -99,8 +100,25 @@ def test_an_outline_is_as_wide_as_the_hull_of_both_end_circles():
         assert around.volume == pytest.approx(len(pixels), rel=0.005)  # a 2D volume is an area
 
 
+def test_a_rounded_end_shows_half_the_circle_of_a_ball():
+    # A ball of radius r before a camera, at a distance d, is seen within an angle asin(r/d) of
+    # its middle: a circle of radius f r / √(d² - r²). Of it the half beyond the tube's end shows.
+    middle = RIG.a.center + 650 * RIG.a.axis
+    beside = np.cross(RIG.a.axis, [0, 0, 1.0])
+    tube = straight(middle - 80 * beside, middle, radius=5.0, capped=(FLAT, ROUND))
+    picture, normals, _, turn, *_ = outline_of(tube, RIG.a)
+    *_, tip = reference.pieces(len(tube.curve))
+    at = RIG.a.project(middle[None])[0]
+    away = np.linalg.norm(picture[tip] - at, axis=1)
+    np.testing.assert_allclose(away, 2400 * 5 / np.sqrt(650**2 - 5**2))
+    np.testing.assert_allclose(normals[tip], (picture[tip] - at) / away[:, None], atol=1e-9)
+    before = RIG.a.project(tube.curve[[-2]])[0] - at
+    assert np.all((picture[tip] - at) @ before < 0)
+    assert not turn[tip].any()
+
+
 def test_nothing_is_near_a_flat_end_that_is_none():
-    picture, *_ = outline_of(straight([0, 0, 20], [0, 0, 130], capped=(False, True)), RIG.a)
+    picture, *_ = outline_of(straight([0, 0, 20], [0, 0, 130], capped=(OPEN, FLAT)), RIG.a)
     _, _, base, tip = reference.pieces(BASIS.samples)
     assert np.all(picture[base] == reference.NOWHERE)
     assert np.all(np.abs(picture[tip]) < 2000)
@@ -111,12 +129,14 @@ def test_nothing_is_near_a_flat_end_that_is_none():
     st.integers(0, 10**6),
     st.sampled_from([0.05, 0.5, 3.0, 8.0]),
     st.sampled_from(["curve", "radius", "tangents"]),
+    st.sampled_from([FLAT, ROUND]),
 )
-def test_the_outline_moves_as_its_derivatives_say(seed, radius, moved):
+def test_the_outline_moves_as_its_derivatives_say(seed, radius, moved, shape):
+    capped = np.full(2, shape)
     rng = np.random.default_rng(seed)
     camera, curve, tangents = random_scene(rng, tilt=rng.uniform(0.3, np.pi / 2))
     _, normals, pull, turn, grow, _ = reference.outline(
-        camera.projection, camera.center, curve, tangents, radius, CAPPED
+        camera.projection, camera.center, curve, tangents, radius, capped
     )
     owner, h = reference.owners(len(curve)), 1e-5
     shift = rng.normal(size=(len(curve), 3))
@@ -137,7 +157,7 @@ def test_the_outline_moves_as_its_derivatives_say(seed, radius, moved):
                 curve + sign * h * shift * (moved == "curve"),
                 turned / np.linalg.norm(turned, axis=1, keepdims=True),
                 radius + sign * h * (moved == "radius") * min(radius, 1.0),
-                CAPPED,
+                capped,
             )[0]
         )
     step = h * (min(radius, 1.0) if moved == "radius" else 1.0)
@@ -396,7 +416,7 @@ def random_scene(rng, tilt):
 SEEDS = st.integers(0, 10**6)
 TILTS = st.one_of(st.floats(0.2, np.pi / 2), st.floats(1e-3, 0.2))
 RADII = st.sampled_from([1e-6, 1e-3, 0.5, 3.0, 10.0])
-ENDS = st.tuples(st.booleans(), st.booleans())
+ENDS = st.tuples(*[st.sampled_from([OPEN, FLAT, ROUND])] * 2)
 often = settings(max_examples=40, deadline=None)
 
 
@@ -573,6 +593,28 @@ def test_compiled_rounding(compiled, seed, tilt, radius, together):
     weight = rng.random(len(picture)) * (rng.random(len(picture)) < 0.7)
     given_to = (picture, normals, weight, len(curve), together)
     assert_same([compiled.rounding(*given_to)], [reference.rounding(*given_to)])
+
+
+@often
+@given(SEEDS, st.integers(1, 40), st.integers(1, 40), st.sampled_from([0.45, 25.0]))
+def test_compiled_pairing(compiled, seed, n, m, left_out):
+    rng = np.random.default_rng(seed)
+    a, b = np.cumsum(rng.normal(1, 2, n)), np.cumsum(rng.normal(1, 2, m))
+    given_to = (a, b, 0.5, (25.0, left_out), (left_out, 25.0))
+    found, expected = compiled.pair_in_order(*given_to), reference.pair_in_order(*given_to)
+    assert_same(found, expected)
+
+
+@often
+@given(SEEDS, st.integers(4, 60), st.booleans())
+def test_compiled_roughness(compiled, seed, segments, straight):
+    basis = spline_basis(segments)
+    control = np.random.default_rng(seed).normal(0, 30, (basis.count, 3))
+    if straight:
+        control = np.linspace([0.0, 0, 0], [4, 8, 16], basis.count).round()
+    around = np.eye(basis.count - 2)
+    given_to = (control, around, 0.12)
+    assert_same([compiled.roughness_like(*given_to)], [reference.roughness_like(*given_to)])
 
 
 @often

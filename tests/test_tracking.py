@@ -11,7 +11,7 @@ from stereosom.backbone import Backbone
 from stereosom.metrics import curve_errors, distance_to_curve
 from stereosom.motion import Motion
 from stereosom.refine import search
-from stereosom.synthetic import converging_rig, observe
+from stereosom.synthetic import converging_rig, growing_helix, observe
 
 RIG = converging_rig(45, focal_length=1200, image_size=(512, 384))
 RADIUS, RATE = 1.5, 30.0
@@ -271,3 +271,17 @@ def test_what_was_tried_in_vain_is_not_tried_in_every_frame(run, monkeypatch):
         return len(fits)
 
     assert counted(forget=False) < 0.6 * counted(forget=True)
+
+
+def test_rounded_ends_are_found_once_in_a_run(monkeypatch):
+    rig, fits, per_frame = converging_rig(60), [], []
+    fit_tube = search.fit_tube
+    monkeypatch.setattr(search, "fit_tube", lambda *a, **k: fits.append(0) or fit_tube(*a, **k))
+    shapes = [growing_helix(150 + 0.5 * k, 110, 0.9) for k in range(6)]
+    run = [observe(shape, 2.5, rig, time=k / 30) for k, shape in enumerate(shapes)]
+    for shape, result in zip(shapes, track(run), strict=True):
+        per_frame.append(len(fits))
+        fits.clear()
+        assert result.backbone.length == pytest.approx(shape.length, abs=0.3)
+    assert per_frame[0] > 2
+    assert per_frame[3:] == [1, 1, 1]

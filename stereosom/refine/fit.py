@@ -20,6 +20,7 @@ from .contour import Contour
 from .kernels import kernels
 from .look import Look, Tube
 from .reach import seen_stretch
+from .reference import FLAT, OPEN
 from .spline import spline_basis
 from .uncertainty import covariance_along, noise_variance
 
@@ -119,7 +120,7 @@ def fit_tube(
     start: Floats,
     radius: float,
     *,
-    capped: tuple[bool, bool] = (True, True),
+    capped: tuple[int, int] = (FLAT, FLAT),
     radius_known: bool = False,
     segments: int = 24,
     gates: Sequence[float] = FROM_AFAR,
@@ -136,8 +137,8 @@ def fit_tube(
         Points along a curve within some widths of the device, mm.
     radius : float
         To begin with, mm.
-    capped : (bool, bool)
-        Whether the base and the tip are ends of the device.
+    capped : (int, int)
+        What the device does at the base and at the tip, as of `Tube`.
     radius_known : bool
         Whether the radius stays as it is.
     segments : int
@@ -201,7 +202,7 @@ def fit_tube(
     return TubeFit(basis.backbone(control), radius, tube, looks, radius_known)
 
 
-_Ends = tuple[bool, bool]
+_Ends = tuple[int, int]
 
 
 def _ends_shown(rig: StereoRig, tube: Tube, looks: tuple[Look, Look]) -> tuple[_Ends, _Ends]:
@@ -218,7 +219,7 @@ def _ends_shown(rig: StereoRig, tube: Tube, looks: tuple[Look, Look]) -> tuple[_
             beyond.append(offset / shortened if shortened > _SHORTENED else np.nan)
         # Never so where one is not a number.
         if abs(beyond[0] - beyond[1]) > _APART_PX and max(beyond) > _APART_PX / 2:
-            shown[int(beyond[0] > beyond[1])][end] = False
+            shown[int(beyond[0] > beyond[1])][end] = OPEN
     return (shown[0][0], shown[0][1]), (shown[1][0], shown[1][1])
 
 

@@ -23,7 +23,7 @@ _CAP_SHARE = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Tube:
-    """A round tube with flat ends.
+    """A round tube.
 
     Attributes
     ----------
@@ -35,19 +35,19 @@ class Tube:
         Length of the derivative there by the curve's parameter, mm.
     radius : float
         mm.
-    capped : (bool, bool)
-        Whether the base and the tip are ends, or the tube goes on there.
+    capped : (int, int)
+        What it does at the base and at the tip: `OPEN`, `FLAT` or `ROUND` (see `reference`).
     """
 
     curve: Floats
     tangents: Floats
     speed: Floats
     radius: float
-    capped: tuple[bool, bool]
+    capped: tuple[int, int]
 
     @classmethod
     def of(
-        cls, basis: SplineBasis, control: Floats, radius: float, capped: tuple[bool, bool]
+        cls, basis: SplineBasis, control: Floats, radius: float, capped: tuple[int, int]
     ) -> Tube:
         """Around the spline of control points (m, 3)."""
         curve, speed, tangents = kernels().sweep(basis.values, basis.slopes, basis.first, control)
@@ -114,7 +114,7 @@ class Look:
         camera: Camera,
         contour: Contour,
         gate: float | None,
-        shown: tuple[bool, bool] | None = None,
+        shown: tuple[int, int] | None = None,
     ) -> Look:
         """Match a contour to a tube's outline.
 
@@ -126,8 +126,8 @@ class Look:
         gate : float, optional
             Edges farther off, px, are no part of it. Where not given, those are not that lie
             beyond some times the spread, and the far ones among the others count less.
-        shown : (bool, bool), optional
-            Which of the flat ends this view shows. Default: those that the tube has.
+        shown : (int, int), optional
+            As `capped` of the tube, where this view does not show both ends. Default: it does.
 
         Raises
         ------
@@ -141,7 +141,7 @@ class Look:
                 tube.curve,
                 tube.tangents,
                 tube.radius,
-                np.array(shown or tube.capped),
+                np.array(shown or tube.capped, dtype=np.int64),
                 contour.points,
                 contour.directions,
                 float(gate or 0.0),
@@ -183,9 +183,11 @@ class Look:
         seen: Booleans = kernels().rims_seen(self.weight, self.squares, self.samples, tolerance)
         return seen
 
-    def unseen_px(self, capped: tuple[bool, bool]) -> float:
+    def unseen_px(self, capped: tuple[int, int]) -> float:
         """Length of the rims that show no edges, px; where the tube goes on, from the first on."""
-        return float(kernels().unseen(self.picture, self.rims_seen, np.array(capped)))
+        return float(
+            kernels().unseen(self.picture, self.rims_seen, np.array(capped, dtype=np.int64))
+        )
 
     @cached_property
     def spread(self) -> float:

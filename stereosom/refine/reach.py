@@ -146,6 +146,18 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     return others
 
 
+def moved_end(tube: Tube, end: int, radii: float) -> Floats:
+    """The curve (n, 3), so many radii longer, or shorter, at its base (0) or tip (1)."""
+    curve, tangent = tube.curve, tube.tangents[-end] * (1 if end else -1)
+    if radii > 0:
+        added = curve[[-end]] + radii * tube.radius * tangent
+        return np.vstack([curve, added] if end else [added, curve])
+    reach = kernels().reach_along(curve)
+    left = reach[-1] - reach if end else reach
+    kept = curve[left >= -radii * tube.radius]
+    return kept if len(kept) > len(curve) // 2 else curve
+
+
 def bent_in_depth(rig: StereoRig, tube: Tube, end: int, shares: Sequence[float]) -> list[Floats]:
     """The curve (n, 3) bent at its base (0) or tip (1), farther from the cameras by shares.
 

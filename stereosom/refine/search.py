@@ -17,7 +17,9 @@ from ..reconstruction import HardFrame, Tried
 from .contour import Contour, mask_contour
 from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 from .kernels import kernels
-from .reach import bent_in_depth, looked_along, other_ends
+from .look import Tube
+from .reach import bent_in_depth, looked_along, moved_end, other_ends
+from .reference import FLAT, OPEN, ROUND
 from .start import first_curve, matched_curve
 
 # Points of a curve that a fit begins with.
@@ -30,6 +32,9 @@ _SETTLED_PX, _FOLLOWED_PX = 0.05, 0.15
 _TRIES, _BETTER = 4, 0.9
 # Which way the end of a narrower device bends, of such a half width, is not told, px.
 _NARROW_PX = 2.0
+# A flat end is as large in the picture as half a ball from so many radii behind it: π / 4.
+_HALF_BALL = np.pi / 4
+_NEITHER = (False, False)
 # An odd end costs so many times as much as one that is not.
 _ODD_PRICE = 1.2
 # What was tried in vain is tried again where a fit costs so many times what it did then.
@@ -116,7 +121,8 @@ class TubeSearch:
         radius, half_width = _radius_by_area(self.seen, curve)
         # A device that is wide in the picture moves farther.
         gates = (half_width, *ON_TRACK) if half_width > ON_TRACK[0] else ON_TRACK
-        fit = self._fit(curve, radius, gates, settled_px=_FOLLOWED_PX)
+        capped = self._capped(curve, radius, tried.round_ends if tried else _NEITHER)
+        fit = self._fit(curve, radius, gates, capped=capped, settled_px=_FOLLOWED_PX)
         if not eyes_alike(self.seen.rig):
             fit = self._nearer_or_farther(fit)
         if _as_good(fit, tried):
@@ -124,7 +130,7 @@ class TubeSearch:
         odd = fit.odd_ends
         if not fit.ends_seen:
             with suppress(HardFrame):
-                fit = min(fit, self._fit(curve, radius, FROM_NEAR), key=_cost)
+                fit = min(fit, self._fit(curve, radius, FROM_NEAR, capped=capped), key=_cost)
             if _as_good(fit, tried):
                 return fit, tried
         fit = self._with_better_ends(fit)
@@ -134,13 +140,15 @@ class TubeSearch:
                 # As good a fit elsewhere is no reason to leave what was followed.
                 fit = other if other.cost < _BETTER * fit.cost else fit
         odd = (odd[0] or fit.odd_ends[0], odd[1] or fit.odd_ends[1])
-        return fit, Tried(odd, _cost_per_edge(fit)) if any(odd) or _doubtful(fit) else None
+        rounded = (fit.tube.capped[0] == ROUND, fit.tube.capped[1] == ROUND)
+        if any(odd) or any(rounded) or _doubtful(fit):
+            return fit, Tried(odd, _cost_per_edge(fit), rounded)
+        return fit, None
 
     def _fit(self, curve: Floats, radius: float, gates: Sequence[float], **details: Any) -> TubeFit:
         radius = self.radius or radius
         if "capped" not in details:
-            opened = self._opened(curve, radius)
-            details["capped"] = (not opened[0], not opened[1])
+            details["capped"] = self._capped(curve, radius)
         return fit_tube(
             self.seen.rig,
             self.edges,
@@ -152,8 +160,10 @@ class TubeSearch:
             **details,
         )
 
-    def _opened(self, curve: Floats, radius: float) -> tuple[bool, bool]:
-        """Whether the device goes on at the base and at the tip, beyond the border of a view."""
+    def _capped(
+        self, curve: Floats, radius: float, rounded: tuple[bool, bool] = _NEITHER
+    ) -> tuple[int, int]:
+        """What the device does at the base and at the tip: it may go on beyond a view's border."""
         opened = np.zeros(2, dtype=bool)
         rig, ends = self.seen.rig, curve[[0, -1]]
         for camera, pixels in zip((rig.a, rig.b), self.at_border, strict=True):
@@ -163,7 +173,8 @@ class TubeSearch:
                 for end, place in enumerate(camera.project(ends)):
                     near = float(np.linalg.norm(pixels - place, axis=1).min())
                     opened[end] |= near < 1.5 * width[end] + 3
-        return bool(opened[0]), bool(opened[1])
+        base, tip = np.where(opened, OPEN, np.where(rounded, ROUND, FLAT)).tolist()
+        return base, tip
 
     def _nearer_or_farther(self, fit: TubeFit) -> TubeFit:
         """A fit, or one whose ends bend otherwise where a view looks along them, if much better.
@@ -194,6 +205,13 @@ class TubeSearch:
                 fit = self._other_end(fit, end)
                 if fit.cost > _BETTER * before.cost:
                     break
+        # Where one end is rounded, the other mostly is.
+        for end in (0, 1):
+            if fit.tube.capped[end] == FLAT and fit.tube.capped[1 - end] == ROUND:
+                start, capped = _other_shape(fit.tube, end)
+                with suppress(HardFrame):
+                    other = self._fit(start, fit.radius, FROM_CLOSE, capped=capped)
+                    fit = min(fit, other, key=_cost)
         return fit
 
     def _other_end(self, fit: TubeFit, end: int) -> TubeFit:
@@ -205,20 +223,31 @@ class TubeSearch:
         def price(other: TubeFit) -> float:
             return other.cost * (_ODD_PRICE if other.odd_ends[end] else 1.0)
 
-        best, known = fit, {"capped": fit.tube.capped}
+        best, capped = fit, fit.tube.capped
         begins = []
         for start in other_ends(self.seen.rig, fit.tube, fit.looks, end):
             with suppress(HardFrame):
-                looked = self._fit(start, fit.radius, FROM_CLOSE, passes=0, **known)
-                begins.append((price(looked), start))
+                looked = self._fit(start, fit.radius, FROM_CLOSE, passes=0, capped=capped)
+                begins.append((price(looked), start, capped))
                 best = min(best, looked, key=price)
-        # What looks best already is fitted first.
-        for _, start in sorted(begins, key=lambda begin: begin[0]):
+        # What looks best already is fitted first; then, whatever it looks like, the other shape.
+        begins.sort(key=lambda begin: begin[0])
+        begins.insert(1, (0.0, *_other_shape(fit.tube, end)))
+        for _, start, ends in begins:
             with suppress(HardFrame):
-                best = min(best, self._fit(start, fit.radius, FROM_CLOSE, **known), key=price)
+                other = self._fit(start, fit.radius, FROM_CLOSE, capped=ends)
+                best = min(best, other, key=price)
             if not best.odd_ends[end]:
                 break
         return best
+
+
+def _other_shape(tube: Tube, end: int) -> tuple[Floats, tuple[int, int]]:
+    """A tube's curve (n, 3) and its ends where a flat one is rounded, or the other way round."""
+    flat = tube.capped[end] == FLAT
+    shape = ROUND if flat else FLAT
+    start = moved_end(tube, end, -_HALF_BALL if flat else _HALF_BALL)
+    return start, (shape, tube.capped[1]) if end == 0 else (tube.capped[0], shape)
 
 
 def _cost(fit: TubeFit) -> float:

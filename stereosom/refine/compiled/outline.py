@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..reference.outline import CAP_POINTS, NOWHERE, SHARPEST
+from ..reference.outline import CAP_POINTS, NOWHERE, OPEN, ROUND, SHARPEST
 from .numba_options import compiled
 
 
@@ -45,6 +45,10 @@ def outline(projection, center, curve, tangents, radius, capped):  # type: ignor
         stop = -begin if outward * leading > 0 else 2 * np.pi - begin
         for axis in range(3):
             ahead[axis] = outward * tangent[axis]
+        if capped[cap] == ROUND:
+            _limb(projection, center, curve[end], radius, ahead, beside,
+                  2 * n + cap * CAP_POINTS, picture, normals, pull, grow)  # fmt: skip
+            continue
         for j in range(CAP_POINTS):
             angle = begin + (j + 1) / (CAP_POINTS + 1) * (stop - begin)
             for axis in range(3):
@@ -70,9 +74,34 @@ def outline(projection, center, curve, tangents, radius, capped):  # type: ignor
             bend[k] = min(max(bent / max(squared, 1e-12), -SHARPEST), SHARPEST)
         start += length
     for cap in range(2):
-        if not capped[cap]:
+        if capped[cap] == OPEN:
             picture[2 * n + cap * CAP_POINTS : 2 * n + (cap + 1) * CAP_POINTS] = NOWHERE
     return picture, normals, pull, turn, grow, bend
+
+
+@compiled
+def _limb(projection, center, at, radius, ahead, beside, first, picture, normals, pull, grow):  # type: ignore[no-untyped-def]
+    """Fill in the outline of half a ball, from one side of the tube around to the other."""
+    ray, onward, normal, along = np.empty((4, 3))
+    far, slant = 0.0, 0.0
+    for axis in range(3):
+        ray[axis] = at[axis] - center[axis]
+        far += ray[axis] ** 2
+        slant += ray[axis] * ahead[axis]
+    length = 0.0
+    for axis in range(3):
+        onward[axis] = ahead[axis] - slant / far * ray[axis]
+        length += onward[axis] ** 2
+    length, far = max(np.sqrt(length), 1e-12), np.sqrt(far)
+    nearer = min(radius / far, 1.0)
+    for j in range(CAP_POINTS):
+        angle = np.pi * (j + 1) / (CAP_POINTS + 1)
+        for axis in range(3):
+            limb = np.cos(angle) * beside[axis] + np.sin(angle) * onward[axis] / length
+            normal[axis] = np.sqrt(1 - nearer**2) * limb - nearer / far * ray[axis]
+            along[axis] = np.cos(angle) * onward[axis] / length - np.sin(angle) * beside[axis]
+        _point(projection, at, radius, normal, along, ahead,
+               first + j, picture, normals, pull, grow)  # fmt: skip
 
 
 @compiled

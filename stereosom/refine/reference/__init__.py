@@ -9,13 +9,16 @@ from .edges import contour, look, match, middle_offset, rims_seen, unseen
 from .equations import assemble, by_length, covariance, roughness_like, step, sweep
 from .lengths import evenly, reach_along, steps_in_picture
 from .noise import HARMONICS, likeness, rounding
-from .outline import CAP_POINTS, NOWHERE, outline, owners, pieces
+from .outline import CAP_POINTS, FLAT, NOWHERE, OPEN, ROUND, outline, owners, pieces
 from .pairing import pair_in_order
 
 __all__ = [
     "CAP_POINTS",
+    "FLAT",
     "HARMONICS",
     "NOWHERE",
+    "OPEN",
+    "ROUND",
     "assemble",
     "by_length",
     "contour",

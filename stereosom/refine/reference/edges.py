@@ -125,7 +125,7 @@ def look(
     curve: Floats,
     tangents: Floats,
     radius: float,
-    capped: Booleans,
+    capped: Integers,
     points: Floats,
     directions: Floats,
     gate: float,
@@ -241,7 +241,7 @@ def middle_offset(weight: Floats, total: Floats, samples: int) -> float:
     return float(np.sqrt(np.mean(offsets**2))) if len(offsets) else 0.0
 
 
-def unseen(picture: Floats, seen: Booleans, capped: Booleans) -> float:
+def unseen(picture: Floats, seen: Booleans, capped: Integers) -> float:
     """Length of the rims that show no edges, px; where the tube goes on, from the first on.
 
     Parameters
@@ -250,7 +250,7 @@ def unseen(picture: Floats, seen: Booleans, capped: Booleans) -> float:
         As from `outline`.
     seen : (2, n) array of bool
         As from `rims_seen`.
-    capped : (2,) array of bool
+    capped : (2,) array of int
         As of `outline`.
     """
     left, right, _, _ = pieces(seen.shape[1])

@@ -7,9 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...arrays import Booleans, Floats, Integers
+from ...arrays import Floats, Integers
 
 CAP_POINTS = 24
+# What a tube may do at its base, and at its tip: go on, end flat, or end in half a ball.
+OPEN, FLAT, ROUND = 0, 1, 2
 # Where there is no flat end its points are put, so that nothing is near them, px.
 NOWHERE = 1e9
 # No outline bends more than this, 1/px; where its points coincide its curvature is not known.
@@ -22,15 +24,17 @@ def outline(
     curve: Floats,
     tangents: Floats,
     radius: float,
-    capped: Booleans,
+    capped: Integers,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-    """Outline of a round, flat-ended tube in one view.
+    """Outline of a round tube in one view.
 
     A surface point c + R n, n across the curve, is on a rim where the ray that meets it touches
     the tube: n·(c + R n − o) = 0 for the camera centre o. With the part v of c − o across the
     curve, n·v = −R leaves one n on either side. The tangent plane there holds the ray, so the
     picture moves only with the part of a shift along n. A flat end is a disc; its picture is
-    an ellipse, of which the half beyond the rims belongs to the outline.
+    an ellipse, of which the half beyond the rims belongs to the outline. A rounded end is half a
+    ball about the end of the curve: its outline, too, has n·(c − o) = −R, with n anywhere on
+    the side where the tube ends.
 
     Parameters
     ----------
@@ -40,8 +44,8 @@ def outline(
         From base to tip, mm; unit tangents.
     radius : float
         mm.
-    capped : (2,) array of bool
-        Whether the base and the tip are ends, or the tube goes on there.
+    capped : (2,) array of int
+        What the tube does at its base and at its tip: `OPEN`, `FLAT` or `ROUND`.
 
     Returns
     -------
@@ -71,17 +75,27 @@ def outline(
         surface_normals.append(normal)
         along.append(np.cross(normal, ray))
     caps: list[slice] = []
-    for end, outward in ((0, -1.0), (len(curve) - 1, 1.0)):
+    for end, outward, kind in ((0, -1.0, capped[0]), (len(curve) - 1, 1.0, capped[1])):
+        share = np.arange(1, CAP_POINTS + 1)[:, None] / (CAP_POINTS + 1)
+        caps.append(slice(len(curve) * 2 + len(caps) * CAP_POINTS, None))
+        if kind == ROUND:
+            ray, far = seen_from[end], float(np.linalg.norm(seen_from[end]))
+            onward = outward * (tangents[end] - (tangents[end] @ ray) / far**2 * ray)
+            onward /= max(float(np.linalg.norm(onward)), 1e-12)
+            around, turning = np.cos(np.pi * share), np.sin(np.pi * share)
+            nearer = min(radius / far, 1.0)
+            limb = around * beside[end] + turning * onward
+            surface_normals.append(np.sqrt(1 - nearer**2) * limb - nearer / far * ray)
+            along.append(around * onward - turning * beside[end])
+            continue
         # The half that lies ahead in the picture: over the side towards the camera or not.
         _, jacobian = _project(projection, curve[end : end + 1])
         ahead = outward * (jacobian[0] @ tangents[end]) @ (jacobian[0] @ toward[end])
         begin = float(np.arctan2(sine[end, 0], cosine[end, 0]))
         stop = -begin if ahead > 0 else 2 * np.pi - begin
-        share = np.arange(1, CAP_POINTS + 1) / (CAP_POINTS + 1)
-        angle = (begin + share * (stop - begin))[:, None]
+        angle = begin + share * (stop - begin)
         surface_normals.append(np.cos(angle) * toward[end] + np.sin(angle) * beside[end])
         along.append(np.cos(angle) * beside[end] - np.sin(angle) * toward[end])
-        caps.append(slice(len(curve) * 2 + len(caps) * CAP_POINTS, None))
     caps[0] = slice(caps[0].start, caps[1].start)
 
     n = len(curve)
@@ -102,14 +116,15 @@ def outline(
     pull = np.einsum("kij,ki->kj", jacobian, normals)
     grow = np.sum(pull * normal, axis=1)
     turn = np.zeros_like(pull)
-    turn[2 * n :] = (
-        -radius * np.sum(pull * tangents[owner], axis=1)[2 * n :, None] * normal[2 * n :]
-    )
+    for cap, kind in zip(pieces(n)[2:], capped, strict=True):
+        if kind != ROUND:
+            lever = -radius * np.sum(pull[cap] * tangents[owner[cap]], axis=1)
+            turn[cap] = lever[:, None] * normal[cap]
     bend = np.zeros(len(picture))
     for piece in pieces(n):
         bend[piece] = _bend(picture[piece], normals[piece])
-    for cap, present in zip(caps, capped, strict=True):
-        if not present:
+    for cap, kind in zip(caps, capped, strict=True):
+        if kind == OPEN:
             picture[cap] = NOWHERE
     return picture, normals, pull, turn, grow, bend
 
