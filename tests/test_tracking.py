@@ -277,8 +277,8 @@ def test_rounded_ends_are_found_once_in_a_run(monkeypatch):
     rig, fits, per_frame = converging_rig(60), [], []
     fit_tube = search.fit_tube
     monkeypatch.setattr(search, "fit_tube", lambda *a, **k: fits.append(0) or fit_tube(*a, **k))
-    shapes = [growing_helix(150 + 0.5 * k, 110, 0.9) for k in range(6)]
-    run = [observe(shape, 2.5, rig, time=k / 30) for k, shape in enumerate(shapes)]
+    shapes = [growing_helix(200 + 0.5 * k, 110, 1.0) for k in range(6)]
+    run = [observe(shape, 3.2, rig, time=k / 30) for k, shape in enumerate(shapes)]
     for shape, result in zip(shapes, track(run), strict=True):
         per_frame.append(len(fits))
         fits.clear()

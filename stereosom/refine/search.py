@@ -35,6 +35,8 @@ _NARROW_PX = 2.0
 # A flat end is as large in the picture as half a ball from so many radii behind it: π / 4.
 _HALF_BALL = np.pi / 4
 _NEITHER = (False, False)
+# The shape of an end is told where a device has at least such a half width, px.
+_SHAPE_PX = 4.0
 # An odd end costs so many times as much as one that is not.
 _ODD_PRICE = 1.2
 # What was tried in vain is tried again where a fit costs so many times what it did then.
@@ -232,11 +234,14 @@ class TubeSearch:
                 best = min(best, looked, key=price)
         # What looks best already is fitted first; then, whatever it looks like, the other shape.
         begins.sort(key=lambda begin: begin[0])
-        begins.insert(1, (0.0, *_other_shape(fit.tube, end)))
+        if min(look.half_width for look in fit.looks) > _SHAPE_PX:
+            begins.insert(1, (0.0, *_other_shape(fit.tube, end)))
         for _, start, ends in begins:
             with suppress(HardFrame):
                 other = self._fit(start, fit.radius, FROM_CLOSE, capped=ends)
-                best = min(best, other, key=price)
+                # Another shape must fit better, and not only look less odd.
+                if ends == capped or other.cost < best.cost:
+                    best = min(best, other, key=price)
             if not best.odd_ends[end]:
                 break
         return best
