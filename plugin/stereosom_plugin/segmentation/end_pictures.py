@@ -19,6 +19,7 @@ from scipy import ndimage
 
 from stereosom.arrays import Booleans, Floats, Integers
 
+from .loops import loops
 from .picture import Gray, Mask, binned, darkest, log_light
 from .tube import Tube
 
@@ -144,23 +145,9 @@ class Additive:
         thick = np.sqrt(1 - np.minimum(sine, 1) ** 2)[:, None] * self.along
         points = center[:, None] + self.across[:, None] * across[:, None]
         points += thick[..., None] * along[:, None]
-        return self._heaped(points.reshape(-1, 2), np.pi * self.radius**2 * step / len(self.across))
-
-    def _heaped(self, points: Floats, each: float) -> Floats:
-        """Points (n, 2) that stand for a volume each, px³, as a height at each pixel, px."""
-        rows, columns = self.window.root.shape
-        # One more on each side, where all that lies beyond the window is heaped.
-        x = np.clip(points[:, 0] + 1, 0, columns + 0.999)
-        y = np.clip(points[:, 1] + 1, 0, rows + 0.999)
-        column, row = x.astype(int), y.astype(int)
-        right, down = x - column, y - row
-        first = row * (columns + 2) + column
-        place = np.concatenate([first, first + 1, first + columns + 2, first + columns + 3])
-        share = np.concatenate(
-            [(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down]
-        )
-        heap = each * np.bincount(place, share, (rows + 3) * (columns + 2))
-        heap = heap[: (rows + 2) * (columns + 2)].reshape(rows + 2, columns + 2)[1:-1, 1:-1]
+        # Each point stands for a part of the volume, px³: that is a height at its pixel, px.
+        each = np.pi * self.radius**2 * step / len(self.across)
+        heap = each * loops().heaped(points.reshape(-1, 2), self.window.root.shape)
         return np.asarray(ndimage.gaussian_filter(heap, _POINT_BLUR, truncate=3.0))
 
 
@@ -168,12 +155,13 @@ class Covering:
     """The nearest part of the device alone absorbs light: `covering` or, without face, `flat`."""
 
     def __init__(self, window: Window, body: Axis, blur: float, *, face: bool) -> None:
-        self.window, self.radius, self.blur, self.face = window, window.radius, blur, face
+        self.window, self.radius, self.face = window, window.radius, face
+        reach = int(3 * blur + 0.5)
+        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / blur) ** 2)
+        self.weights = weights / weights.sum()
         row, column = np.nonzero(window.compared)
-        self.pixels = np.column_stack([column, row]).astype(np.float32)
-        self.square = (self.pixels**2).sum(axis=1)
+        self.pixels = np.column_stack([column, row]).astype(np.float64)
         self.body = self._share(self._distance(body.even(ALONG)[0])[0])
-        self.light = np.ones(window.root.shape)
 
     def __call__(self, tail: Axis, absorption: float) -> Floats:
         """As in `EndPicture`."""
@@ -191,9 +179,8 @@ class Covering:
             thick = np.sqrt(max(1 - shown**2, 0.02))
             away = np.hypot(beyond / thick, offset @ np.array([-ahead[1], ahead[0]]))
             share = np.maximum(share, self._share(away))
-        self.light[self.window.compared] = np.exp(-absorption * share)
-        light = ndimage.gaussian_filter(self.light, self.blur, truncate=3.0)
-        return np.asarray(np.sqrt(light[self.window.compared]))
+        root = loops().blurred_root(share, self.window.compared, absorption, self.weights)
+        return np.asarray(root)
 
     def _share(self, distance: Floats) -> Floats:
         """Chord at a distance from the axis, as a share of the diameter."""
@@ -201,8 +188,5 @@ class Covering:
 
     def _distance(self, axis: Floats) -> tuple[Floats, Integers]:
         """Distance of each compared pixel to the nearest of points (n, 2), and its number."""
-        points = axis.astype(np.float32)
-        square = self.square[:, None] - 2 * self.pixels @ points.T + (points**2).sum(axis=1)
-        nearest = square.argmin(axis=1)
-        least = np.take_along_axis(square, nearest[:, None], axis=1)[:, 0]
-        return np.sqrt(np.maximum(least, 0)), nearest
+        square, nearest = loops().nearest(self.pixels, axis)
+        return np.sqrt(square), nearest

@@ -7,7 +7,7 @@ from scipy import ndimage
 
 from stereosom.arrays import Floats
 
-from .picture import Gray, Mask, darkest, log_at, log_light
+from .picture import Gray, Mask, darkest, log_across, log_light
 from .tube import Tube, edge_share
 
 # Of the light that the axis takes: what takes less is something else that touches the end.
@@ -78,8 +78,9 @@ def roundness(picture: Gray, tube: Tube, end: int) -> float:
     across = np.array([-along[1], along[0]])
     steps = np.arange(-2 * radius - 2, radius + 3, 0.5)
     places = 0.75 * radius * np.array([-1.0, 0.0, 1.0])
-    at = line[-1] + steps[:, None, None] * along + places[:, None] * across
-    light = ndimage.gaussian_filter1d(log_at(picture, at), 1.5, axis=0).astype(float)
+    middle = line[-1] + steps[:, None] * along
+    log = log_across(picture, middle, np.tile(across, (len(middle), 1)), places)
+    light = ndimage.gaussian_filter1d(log, 1.5, axis=0).astype(float)
     reached = [_reached(steps, light[:, column]) for column in range(3)]
     # How far a circle falls back at three quarters of its radius; the lesser of both sides, since
     # something dark may lie beside one. Noise alone makes some of it.

@@ -11,6 +11,8 @@ from scipy import ndimage
 from stereosom.arrays import Floats
 from stereosom_plugin.errors import InputError, require
 
+from .loops import loops
+
 Mask = npt.NDArray[np.bool_]
 Gray = npt.NDArray[np.float32]
 
@@ -76,26 +78,28 @@ def log_light(picture: Gray, least: float | None = None) -> Gray:
     return np.asarray(np.log(np.maximum(picture, np.float32(least))))
 
 
-def log_at(picture: Gray, places: Floats) -> Gray:
-    """Natural logarithm of the light at places (..., 2), px, between pixels too."""
-    light = ndimage.map_coordinates(
-        picture, [places[..., 1], places[..., 0]], order=1, mode="nearest", output=np.float32
-    )
-    return np.asarray(np.log(np.maximum(light, darkest(picture))))
+def log_across(picture: Gray, line: Floats, normals: Floats, across: Floats) -> Gray:
+    """Natural logarithm of the light, (n, m), at m places, px, across n points of a line.
+
+    Parameters
+    ----------
+    picture : (rows, columns) array
+    line, normals : (n, 2) array
+        Points, px, and directions across.
+    across : (m,) array
+    """
+    return np.asarray(loops().log_across(picture, line, normals, across, darkest(picture)))
 
 
 def median(values: npt.NDArray[Any], axis: int) -> npt.NDArray[Any]:
-    """Median along an axis of finite numbers: numpy's looks for others first, and takes longer.
+    """Median along an axis of (n, m) finite numbers.
 
     Examples
     --------
-    >>> median(np.array([[3, 1, 2, 9], [1, 1, 1, 5]]), axis=1).tolist()
+    >>> median(np.array([[3, 1, 2, 9], [1, 1, 1, 5.0]]), axis=1).tolist()
     [2.5, 1.0]
     """
-    count = values.shape[axis]
-    low, high = (count - 1) // 2, count // 2
-    parted = np.partition(values, [low, high], axis=axis)
-    return np.asarray((parted.take(low, axis) + parted.take(high, axis)) / 2)
+    return np.asarray(loops().medians(values if axis == 1 else values.T))
 
 
 def darkest(picture: Gray) -> float:

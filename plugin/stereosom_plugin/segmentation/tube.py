@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
-from scipy.special import ndtr
 
 from stereosom.arrays import Floats
 
-from .picture import Gray, Mask, log_at, median
+from .loops import loops
+from .picture import Gray, Mask, log_across, median
 
 # Steps along and across the straightened picture, px.
 ALONG, ACROSS = 1.0, 0.5
@@ -138,22 +138,22 @@ def draw_line(line: Floats, radius: Floats | float, shape: tuple[int, ...]) -> M
            [0, 0, 0, 0, 0]])
     """
     mask = np.zeros(shape, dtype=bool)
-    radius = np.broadcast_to(radius, len(line)).astype(np.float32)
+    half = np.broadcast_to(radius, len(line)).astype(np.float32)
     steps = np.diff(line, axis=0)
     length = np.maximum(np.hypot(*steps.T), 1e-9)
     x_ahead, y_ahead = (steps / length[:, None]).T.astype(np.float32)
     # At a bend both steps reach farther, so that no wedge is left between them.
     cosine = x_ahead[1:] * x_ahead[:-1] + y_ahead[1:] * y_ahead[:-1]
-    mitre = np.sqrt(np.clip((1 - cosine) / (1 + np.maximum(cosine, 0)), 0, 1)) * radius[1:-1]
+    mitre = np.sqrt(np.clip((1 - cosine) / (1 + np.maximum(cosine, 0)), 0, 1)) * half[1:-1]
     before, behind = np.append(0, mitre), np.append(mitre, 0) + length.astype(np.float32)
-    reach = int(np.ceil(np.hypot(radius.max(), (behind + before).max() / 2) + 0.5))
+    reach = int(np.ceil(np.hypot(half.max(), (behind + before).max() / 2) + 0.5))
     beside = np.arange(-reach, reach + 1)
     middle = np.rint((line[:-1] + line[1:]) / 2).astype(int)
     # Of the pixels about the middle of each step, (rows, columns, steps): how far along, and beside.
     x, y = (beside[:, None] + (middle - line[:-1])[:, i] for i in (0, 1))
     x, y = x.astype(np.float32), y.astype(np.float32)[:, None]
     along = x * x_ahead + y * y_ahead
-    covered = np.abs(x * y_ahead - y * x_ahead) <= (radius[:-1] + radius[1:]) / 2
+    covered = np.abs(x * y_ahead - y * x_ahead) <= (half[:-1] + half[1:]) / 2
     covered &= (along >= -before) & (along <= behind)
     row, column, step = np.nonzero(covered)
     row, column = beside[row] + middle[step, 1], beside[column] + middle[step, 0]
@@ -227,9 +227,8 @@ def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Flo
     near = half + 2.0
     count = int(np.ceil((half + 6.0) / ACROSS))
     far = ACROSS * count
-    across = ACROSS * np.arange(-count, count + 1)
-    place = line[:, None] + across[:, None] * normals(line)[:, None]
-    straight = log_at(picture, place)
+    across = ACROSS * np.arange(-count, count + 1, dtype=float)
+    straight = log_across(picture, line, normals(line), across)
     sides = []
     beyond = int(np.floor((far - near) / ACROSS)) + 1
     for beside in (straight[:, :beyond], straight[:, -beyond:]):
@@ -325,7 +324,7 @@ def _profile(
     prior = np.zeros(4)
     prior[2] = (PROFILE_NOISE / (BLUR_SPREAD if blur is None else 0.01)) ** 2 * len(place)
     for _ in range(12):
-        model, slopes = _with_slopes(place, found)
+        model, slopes = loops().tube_profile(place, _OFFSETS, found)
         pull = slopes.T @ (taken - model) + prior * ((blur or BLUR) - found)
         step = np.linalg.solve(slopes.T @ slopes + np.diag(prior + 1e-6), pull)
         step = np.clip(step, -0.4 * np.abs(found) - 0.2, 0.4 * np.abs(found) + 0.2)
@@ -341,7 +340,7 @@ def _profile(
     if stretches >= 3:
         rows = np.array_split(np.arange(len(darkness)), stretches)
         parts = 1 - np.exp(-np.stack([median(darkness[row], axis=0) for row in rows]))
-        model, slopes = _with_slopes(place, found)
+        model, slopes = loops().tube_profile(place, _OFFSETS, found)
         change = np.linalg.lstsq(slopes[:, [0, 1, 3]], (parts - model).T, rcond=None)[0][0]
         places = np.array([row.mean() for row in rows])
         steps = np.arange(len(darkness)) - places.mean()
@@ -350,40 +349,16 @@ def _profile(
     return radii, absorption, spread
 
 
-def _with_slopes(place: Floats, parameters: Floats) -> tuple[Floats, Floats]:
-    """Profile (n,) of radius, absorption, blur, center, and how it changes with them, (n, 4)."""
-    step = 1e-3
-    radius, absorption, blur, center = (parameters + step * np.vstack([np.zeros(4), np.eye(4)])).T
-    here, *moved = _blurred_chords(place - center[:, None], radius, absorption, blur)
-    return here, np.stack([(one - here) / step for one in moved], axis=1)
-
-
 def _robust_slope(x: Floats, y: Floats) -> float:
     """Median of the slopes between all pairs of points (Theil and Sen)."""
     i, j = np.triu_indices(len(x), 1)
     return float(np.median((y[j] - y[i]) / (x[j] - x[i])))
 
 
-def _blurred_chords(
-    place: Floats, radius: Floats | float, absorption: Floats | float, blur: Floats | float
-) -> Floats:
-    """Share of light that a round tube takes at places (..., n) across it, after a Gaussian blur.
-
-    Radius, absorption and blur are one number or (...). The profile is a sum of nested boxes,
-    whose blur is a difference of normal distributions.
-    """
-    radius, absorption, blur = (np.asarray(one)[..., None] for one in (radius, absorption, blur))
-    taken = 1 - np.exp(-absorption * np.sqrt(1 - _OFFSETS**2))
-    weight = taken - np.concatenate([taken[..., 1:], np.zeros_like(taken[..., :1])], axis=-1)
-    edge = (radius * (_OFFSETS + 0.5 / len(_OFFSETS)))[..., None, :]
-    at, wide = place[..., None], blur[..., None]
-    inside = ndtr((at + edge) / wide) - ndtr((at - edge) / wide)
-    return np.asarray((inside @ weight[..., None])[..., 0])
-
-
 def edge_share(tube: Tube, further_blur: float = 0.0) -> float:
     """Light that a tube takes at its edge, as a share of what it takes at its axis."""
     blur = float(np.hypot(tube.blur, further_blur))
     radius = float(np.median(tube.radius))
-    axis, edge = _blurred_chords(np.array([0.0, radius]), radius, tube.absorption, blur)
+    shape = np.array([radius, tube.absorption, blur, 0.0])
+    axis, edge = loops().tube_profile(np.array([0.0, radius]), _OFFSETS, shape)[0]
     return float(edge / axis)
