@@ -290,11 +290,14 @@ class _Tail:
 
     def misfit(self, bend: Floats, picture: EndPicture) -> Floats:
         points = self.points(bend)
-        way = np.linalg.norm(np.diff(points, axis=0), axis=1) / self.unit / self.window.factor
+        way = np.zeros(len(points))
+        steps = points[1:] - points[:-1]
+        np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps)), out=way[1:])
         line = self.window.inside(self.along.camera.project(points))
-        tail = Axis(line, np.append(0.0, np.cumsum(way)))
+        tail = Axis(line, way / (self.unit * self.window.factor))
         light = picture(tail, self.along.tube.absorption * float(np.exp(bend[3])))
-        off = np.clip((light - self.seen) / self.window.noise, -MOST_OFF, MOST_OFF)
+        off = (light - self.seen) / self.window.noise
+        off = np.minimum(np.maximum(off, -MOST_OFF), MOST_OFF)  # takes half as long as a clip
         return np.concatenate([off, STIFF * bend[:3], [SURE * bend[3]]])
 
     def cost(self, bend: Floats, picture: EndPicture) -> float:

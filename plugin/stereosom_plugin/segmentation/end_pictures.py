@@ -17,10 +17,10 @@ from typing import Protocol
 import numpy as np
 from scipy import ndimage
 
-from stereosom.arrays import Booleans, Floats, Integers
+from stereosom.arrays import Booleans, Floats
 
 from .loops import loops
-from .picture import Gray, Mask, binned, darkest, log_light
+from .picture import Gray, Mask, binned, darkest, gaussian, log_light
 from .tube import Tube
 
 # Pixels of the device that are compared, beside it, and of those that are merely empty.
@@ -96,13 +96,10 @@ class Axis:
     points: Floats
     way: Floats
 
-    def even(self, spacing: float) -> tuple[Floats, Floats, float]:
-        """Points at the middles of equal steps, how they move with the way, and the step."""
-        count = max(16, int(np.ceil(self.way[-1] / spacing)))
-        step = float(self.way[-1]) / count
-        at = (np.arange(count) + 0.5) * step
-        points = np.column_stack([np.interp(at, self.way, self.points[:, i]) for i in (0, 1)])
-        return points, np.gradient(points, axis=0) / step, step
+    def even(self, spacing: float) -> tuple[Floats, float]:
+        """Points at the middles of equal steps of the way, and the step."""
+        points, step = loops().even(self.points, self.way, spacing)
+        return points, float(step)
 
 
 class EndPicture(Protocol):
@@ -138,7 +135,8 @@ class Additive:
 
     def _way_through(self, axis: Axis) -> Floats:
         """Way through the device at each pixel, px: discs, which are ellipses seen obliquely."""
-        center, moves, step = axis.even(ALONG)
+        center, step = axis.even(ALONG)
+        moves = np.gradient(center, axis=0) / step
         sine = np.linalg.norm(moves, axis=1)
         along = moves / np.maximum(sine, 1e-6)[:, None]
         across = np.column_stack([-along[:, 1], along[:, 0]])
@@ -156,37 +154,15 @@ class Covering:
 
     def __init__(self, window: Window, body: Axis, blur: float, *, face: bool) -> None:
         self.window, self.radius, self.face = window, window.radius, face
-        reach = int(3 * blur + 0.5)
-        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / blur) ** 2)
-        self.weights = weights / weights.sum()
+        self.weights = gaussian(blur, reach=3.0)
         row, column = np.nonzero(window.compared)
         self.pixels = np.column_stack([column, row]).astype(np.float64)
-        self.body = self._share(self._distance(body.even(ALONG)[0])[0])
+        self.body = loops().shadow(self.pixels, body.even(ALONG)[0], self.radius, 0.0, False)
 
     def __call__(self, tail: Axis, absorption: float) -> Floats:
         """As in `EndPicture`."""
-        axis, moves, step = tail.even(ALONG)
-        distance, nearest = self._distance(axis)
-        shown = float(np.linalg.norm(moves[-1]))
-        ahead = moves[-1] / max(shown, 1e-6)
-        end = axis[-1] + moves[-1] * step / 2
-        offset = self.pixels - end
-        beyond = offset @ ahead
-        past = (nearest == len(axis) - 1) & (beyond > -0.5)
-        within = np.where(past, np.clip(0.5 - beyond, 0, 1), 1.0)
-        share = np.maximum(self.body, within * self._share(distance))
-        if self.face:
-            thick = np.sqrt(max(1 - shown**2, 0.02))
-            away = np.hypot(beyond / thick, offset @ np.array([-ahead[1], ahead[0]]))
-            share = np.maximum(share, self._share(away))
+        axis, step = tail.even(ALONG)
+        share = loops().shadow(self.pixels, axis, self.radius, step, self.face)
+        share = np.maximum(self.body, share)
         root = loops().blurred_root(share, self.window.compared, absorption, self.weights)
         return np.asarray(root)
-
-    def _share(self, distance: Floats) -> Floats:
-        """Chord at a distance from the axis, as a share of the diameter."""
-        return np.asarray(np.sqrt(np.maximum(1 - (distance / self.radius) ** 2, 0)))
-
-    def _distance(self, axis: Floats) -> tuple[Floats, Integers]:
-        """Distance of each compared pixel to the nearest of points (n, 2), and its number."""
-        square, nearest = loops().nearest(self.pixels, axis)
-        return np.sqrt(square), nearest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -100,6 +101,20 @@ def median(values: npt.NDArray[Any], axis: int) -> npt.NDArray[Any]:
     [2.5, 1.0]
     """
     return np.asarray(loops().medians(values if axis == 1 else values.T))
+
+
+def blurred(values: Floats, deviation: float) -> Floats:
+    """Gaussian blur along the first axis of (n,) or (n, m) values."""
+    columns = values.reshape(len(values), -1)
+    return np.asarray(loops().blurred(columns, gaussian(deviation)).reshape(values.shape))
+
+
+@cache
+def gaussian(deviation: float, reach: float = 4.0) -> Floats:
+    """Weights (2 k + 1,) of a Gaussian blur that reaches so many deviations."""
+    far = int(reach * deviation + 0.5)
+    weights = np.exp(-0.5 * (np.arange(-far, far + 1) / deviation) ** 2)
+    return np.asarray(weights / weights.sum())
 
 
 def darkest(picture: Gray) -> float:

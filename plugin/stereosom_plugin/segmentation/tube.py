@@ -15,7 +15,7 @@ from scipy import ndimage
 from stereosom.arrays import Floats
 
 from .loops import loops
-from .picture import Gray, Mask, log_across, median
+from .picture import Gray, Mask, blurred, gaussian, log_across, median
 
 # Steps along and across the straightened picture, px.
 ALONG, ACROSS = 1.0, 0.5
@@ -149,9 +149,9 @@ def draw_line(line: Floats, radius: Floats | float, shape: tuple[int, ...]) -> M
     reach = int(np.ceil(np.hypot(half.max(), (behind + before).max() / 2) + 0.5))
     beside = np.arange(-reach, reach + 1)
     middle = np.rint((line[:-1] + line[1:]) / 2).astype(int)
-    # Of the pixels about the middle of each step, (rows, columns, steps): how far along, and beside.
-    x, y = (beside[:, None] + (middle - line[:-1])[:, i] for i in (0, 1))
-    x, y = x.astype(np.float32), y.astype(np.float32)[:, None]
+    # Pixels about the middle of each step, (rows, columns, steps): how far along it, and beside.
+    away = (beside[:, None, None] + (middle - line[:-1])).astype(np.float32)
+    x, y = away[..., 0], away[:, None, :, 1]
     along = x * x_ahead + y * y_ahead
     covered = np.abs(x * y_ahead - y * x_ahead) <= (half[:-1] + half[1:]) / 2
     covered &= (along >= -before) & (along <= behind)
@@ -209,14 +209,20 @@ def extended(line: Floats, by: int, smooth: float = 0.0) -> Floats:
     before = line[0] + step[::-1] * (line[0] - line[back]) / back
     behind = line[-1] + step * (line[-1] - line[-1 - back]) / back
     longer = np.concatenate([before, line, behind])
-    return ndimage.gaussian_filter1d(longer, smooth, axis=0) if smooth else longer
+    return blurred(longer, smooth) if smooth else longer
 
 
 def normals(line: Floats) -> Floats:
     """Directions of length one (n, 2) across a line, to the right of its way in the picture."""
-    tangent = np.gradient(line, axis=0)
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-9)
-    return np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    across = np.empty_like(line, dtype=float)
+    for part, step in (
+        (slice(1, -1), line[2:] - line[:-2]),
+        (slice(1), line[1:2] - line[:1]),
+        (slice(-1, None), line[-1:] - line[-2:-1]),
+    ):
+        across[part] = step[:, ::-1]
+    across[:, 0] *= -1
+    return across / np.maximum(np.hypot(across[:, 0], across[:, 1]), 1e-9)[:, None]
 
 
 def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Floats]:
@@ -229,20 +235,13 @@ def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Flo
     far = ACROSS * count
     across = ACROSS * np.arange(-count, count + 1, dtype=float)
     straight = log_across(picture, line, normals(line), across)
-    sides = []
     beyond = int(np.floor((far - near) / ACROSS)) + 1
-    for beside in (straight[:, :beyond], straight[:, -beyond:]):
-        level = median(beside, axis=1)
-        sides.append(ndimage.gaussian_filter1d(ndimage.median_filter(level, 5), 1.5))
-    middle = (near + far) / 2
-    share = (across + middle) / (2 * middle)
-    behind = sides[0][:, None] * (1 - share) + sides[1][:, None] * share
-    return (behind - straight).astype(np.float64), across.astype(np.float64)
+    return np.asarray(loops().absorbed(straight, across, beyond, gaussian(1.5))), across
 
 
 def _half_width(darkness: Floats, across: Floats) -> float:
     """Half of the width within which more than half of the greatest absorption lies, px."""
-    profile = ndimage.gaussian_filter1d(median(darkness, axis=0), 1.0)
+    profile = blurred(median(darkness, axis=0), 1.0)
     wide = profile > 0.4 * profile.max()
     return max(0.5 * ACROSS * float(wide.sum()), 1.0)
 
@@ -253,7 +252,7 @@ def _center(darkness: Floats, across: Floats, half: float, first: float, last: f
     Beyond the first and the last step of the device it goes straight on.
     """
     near = np.abs(across) <= half + 2
-    weight = np.clip(ndimage.gaussian_filter1d(darkness[:, near], 2.0, axis=0), 0, None)
+    weight = np.clip(blurred(darkness[:, near], 2.0), 0, None)
     weight = weight**2  # the device, not what lies beside it
     center = weight @ across[near] / np.maximum(weight.sum(axis=1), 1e-6)
     begin, end = int(np.ceil(first)) + 1, max(int(last) - 1, int(first) + 6)
@@ -270,7 +269,7 @@ def _center(darkness: Floats, across: Floats, half: float, first: float, last: f
     mirrored = np.concatenate(
         [2 * inner[0] - inner[count:0:-1], inner, 2 * inner[-1] - inner[-2 : -count - 2 : -1]]
     )
-    inner = ndimage.gaussian_filter1d(mirrored, 2.5)[count : len(mirrored) - count]
+    inner = blurred(mirrored, 2.5)[count : len(mirrored) - count]
     steps = np.arange(len(center))
     back = min(6, len(inner) - 1)
     before = inner[0] + (steps[:begin] - begin) * (inner[back] - inner[0]) / back
@@ -289,8 +288,8 @@ def _end(darkness: Floats, across: Floats, half: float, enters: bool, grown: flo
         return float(last - REACH)
     core = np.abs(across) <= max(0.6 * half, ACROSS)
     taken = 1 - np.exp(-median(darkness[:, core], axis=1))
-    smooth = ndimage.gaussian_filter1d(taken, 0.8)
-    usual = float(np.median(smooth[REACH:-REACH]))
+    smooth = blurred(taken, 0.8)
+    usual = float(median(smooth[None, REACH:-REACH], axis=1)[0])
     present = smooth >= (END_SHARE if grown < MOST_GROWTH else AS_DARK) * usual
     # The outermost step that most of the steps before it agree with: a short fade (something
     # bright behind) is no end, and what is fainter beyond the end does not belong to it.

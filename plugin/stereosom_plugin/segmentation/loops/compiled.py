@@ -102,18 +102,89 @@ def best_way(score, price):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def nearest(pixels, points):  # type: ignore[no-untyped-def]
-    """As `reference.nearest`."""
-    n = len(pixels)
-    square, number = np.empty(n), np.empty(n, np.intp)
+def blurred(values, weights):  # type: ignore[no-untyped-def]
+    """As `reference.blurred`."""
+    n, m = values.shape
+    reach = len(weights) // 2
+    smooth = np.zeros((n, m))
     for i in range(n):
-        least, which = np.inf, 0
-        for j in range(len(points)):
-            x, y = pixels[i, 0] - points[j, 0], pixels[i, 1] - points[j, 1]
-            if x * x + y * y < least:
-                least, which = x * x + y * y, j
-        square[i], number[i] = least, which
-    return square, number
+        for k in range(-reach, reach + 1):
+            at, weight = _mirrored(i + k, n), weights[k + reach]
+            for j in range(m):
+                smooth[i, j] += weight * values[at, j]
+    return smooth
+
+
+@compiled
+def absorbed(log, across, beyond, weights):  # type: ignore[no-untyped-def]
+    """As `reference.absorbed`."""
+    n, m = log.shape
+    left, right = _level(log[:, :beyond], weights), _level(log[:, m - beyond :], weights)
+    middle = -(across[0] + across[beyond - 1]) / 2
+    dark = np.empty((n, m))
+    for j in range(m):
+        share = (across[j] + middle) / (2 * middle)
+        for i in range(n):
+            dark[i, j] = left[i, 0] * (1 - share) + right[i, 0] * share - log[i, j]
+    return dark
+
+
+@compiled
+def _level(beside, weights):  # type: ignore[no-untyped-def]
+    """Medians of rows (n, m), smooth from one to the next, (n, 1)."""
+    n = len(beside)
+    level = medians(beside)
+    around = np.empty((n, 5))
+    for i in range(n):
+        for k in range(5):
+            around[i, k] = level[_mirrored(i + k - 2, n)]
+    return blurred(medians(around).reshape(n, 1), weights)
+
+
+@compiled
+def even(points, way, spacing):  # type: ignore[no-untyped-def]
+    """As `reference.even`."""
+    last = len(way) - 1
+    count = max(16, int(np.ceil(way[last] / spacing)))
+    step = way[last] / count
+    found = np.empty((count, 2))
+    piece = 0
+    for i in range(count):
+        at = (i + 0.5) * step
+        while piece < last - 1 and way[piece + 1] <= at:
+            piece += 1
+        share = (at - way[piece]) / max(way[piece + 1] - way[piece], 1e-300)
+        for axis in range(2):
+            found[i, axis] = points[piece, axis] * (1 - share) + points[piece + 1, axis] * share
+    return found, step
+
+
+@compiled
+def shadow(pixels, axis, radius, step, face):  # type: ignore[no-untyped-def]
+    """As `reference.shadow`."""
+    n, last = len(pixels), len(axis) - 1
+    move_x, move_y = axis[last, 0] - axis[last - 1, 0], axis[last, 1] - axis[last - 1, 1]
+    shown = max(sqrt(move_x**2 + move_y**2), 1e-6 * step)
+    share = np.empty(n)
+    for i in range(n):
+        square, nearest = np.inf, 0
+        for j in range(last + 1):
+            x, y = pixels[i, 0] - axis[j, 0], pixels[i, 1] - axis[j, 1]
+            if x * x + y * y < square:
+                square, nearest = x * x + y * y, j
+        share[i] = sqrt(max(1 - square / radius**2, 0.0))
+        if step == 0:
+            continue
+        x = pixels[i, 0] - axis[last, 0] - move_x / 2
+        y = pixels[i, 1] - axis[last, 1] - move_y / 2
+        beyond = (x * move_x + y * move_y) / shown
+        if nearest == last and beyond > -0.5:
+            share[i] *= min(max(0.5 - beyond, 0.0), 1.0)
+        if face:
+            beside = (y * move_x - x * move_y) / shown
+            away = beyond**2 / max(1 - (shown / step) ** 2, 0.02) + beside**2
+            share[i] = max(share[i], sqrt(max(1 - away / radius**2, 0.0)))
+    return share
 
 
 @compiled
@@ -163,7 +234,7 @@ def heaped(points, shape):  # type: ignore[no-untyped-def]
     heap = np.zeros((rows, columns))
     for i in range(len(points)):
         # floor may be -1: what lies partly beyond the border counts partly.
-        column, row = int(floor(points[i, 0])), int(floor(points[i, 1]))
+        column, row = floor(points[i, 0]), floor(points[i, 1])
         right, below = points[i, 0] - column, points[i, 1] - row
         for down in range(2):
             for over in range(2):

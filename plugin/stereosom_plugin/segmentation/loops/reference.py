@@ -66,11 +66,87 @@ def best_way(score: npt.NDArray[Any], price: Floats) -> Integers:
     return way
 
 
-def nearest(pixels: Floats, points: Floats) -> tuple[Floats, Integers]:
-    """Squared distance of each pixel (n, 2) to the nearest of points (m, 2), and its number."""
-    square = (pixels**2).sum(axis=1)[:, None] - 2 * pixels @ points.T + (points**2).sum(axis=1)
-    number = square.argmin(axis=1)
-    return np.maximum(np.take_along_axis(square, number[:, None], axis=1)[:, 0], 0), number
+def blurred(values: Floats, weights: Floats) -> Floats:
+    """Weighted mean down each column of (n, m) values; beyond the ends they are mirrored."""
+    return np.asarray(ndimage.correlate1d(values, weights, 0))
+
+
+def absorbed(log: Gray, across: Floats, beyond: int, weights: Floats) -> Floats:
+    """What a device absorbs, (n, m), of the logarithm of the light across it.
+
+    What lies behind is drawn straight from one side of the device to the other: between medians
+    of the outermost places, smooth along the line.
+
+    Parameters
+    ----------
+    log : (n, m) array
+    across : (m,) array
+        Places, px.
+    beyond : int
+        How many of them are beside the device, on either side.
+    weights : (2 k + 1,) array
+        Of the blur along the line.
+    """
+    sides = []
+    for beside in (log[:, :beyond], log[:, log.shape[1] - beyond :]):
+        level = ndimage.median_filter(medians(beside).astype(float), 5)
+        sides.append(ndimage.correlate1d(level, weights))
+    middle = -(across[0] + across[beyond - 1]) / 2
+    share = (across + middle) / (2 * middle)
+    return np.asarray(sides[0][:, None] * (1 - share) + sides[1][:, None] * share - log)
+
+
+def even(points: Floats, way: Floats, spacing: float) -> tuple[Floats, float]:
+    """Points (m, 2) at the middles of equal steps, no longer than a spacing, and the step.
+
+    Parameters
+    ----------
+    points : (n, 2) array
+    way : (n,) array
+        To each of them, not decreasing, from zero.
+    spacing : float
+    """
+    count = max(16, int(np.ceil(way[-1] / spacing)))
+    step = float(way[-1]) / count
+    at = (np.arange(count) + 0.5) * step
+    return np.column_stack([np.interp(at, way, points[:, i]) for i in (0, 1)]), step
+
+
+def shadow(pixels: Floats, axis: Floats, radius: float, step: float, face: bool) -> Floats:
+    """Chord through a tube at each of n pixels, (n,), as a share of its diameter.
+
+    The nearest part of it counts alone.
+
+    Parameters
+    ----------
+    pixels : (n, 2) array
+    axis : (m, 2) array
+        Points along the tube at even steps, half a step from its end, px.
+    radius : float
+        px.
+    step : float
+        Between points in space, px as seen from the side; 0 where there is no end.
+    face : bool
+        Whether the end's face is seen.
+    """
+    square = (pixels**2).sum(axis=1)[:, None] - 2 * pixels @ axis.T + (axis**2).sum(axis=1)
+    nearest = square.argmin(axis=1)
+    distance = np.take_along_axis(square, nearest[:, None], axis=1)[:, 0]
+    share = np.sqrt(np.maximum(1 - np.maximum(distance, 0) / radius**2, 0))
+    if step == 0:
+        return np.asarray(share)
+    move = axis[-1] - axis[-2]
+    shown = max(float(np.hypot(*move)), 1e-6 * step)
+    ahead = move / shown
+    offset = pixels - (axis[-1] + move / 2)
+    beyond = offset @ ahead
+    past = (nearest == len(axis) - 1) & (beyond > -0.5)
+    share = np.where(past, np.clip(0.5 - beyond, 0, 1), 1.0) * share
+    if face:
+        thick = max(1 - (shown / step) ** 2, 0.02)
+        away = beyond**2 / thick + (offset @ np.array([-ahead[1], ahead[0]])) ** 2
+        share = np.maximum(share, np.sqrt(np.maximum(1 - away / radius**2, 0)))
+    return np.asarray(share)
 
 
 def blurred_root(share: Floats, shown: Booleans, absorption: float, weights: Floats) -> Floats:
