@@ -103,6 +103,12 @@ def median(values: npt.NDArray[Any], axis: int) -> npt.NDArray[Any]:
     return np.asarray(loops().medians(values if axis == 1 else values.T))
 
 
+def middle(values: Floats) -> float:
+    """Median of those of (n,) numbers that are finite."""
+    finite = values[np.isfinite(values)]
+    return float(median(finite[None], axis=1)[0]) if len(finite) else float("nan")
+
+
 def blurred(values: Floats, deviation: float) -> Floats:
     """Gaussian blur along the first axis of (n,) or (n, m) values."""
     columns = values.reshape(len(values), -1)

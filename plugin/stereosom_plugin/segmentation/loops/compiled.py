@@ -269,3 +269,41 @@ def tube_profile(place, chords, parameters):  # type: ignore[no-untyped-def]
             slopes[i, 2] += weight * (left * low - right * high) / blur
             slopes[i, 3] += weight * (low - high) / blur
     return profile, slopes
+
+
+@compiled
+def darker_lines(smooth, taps, aside, absorption, direction):  # type: ignore[no-untyped-def]
+    """As `reference.darker_lines`."""
+    rows, columns = absorption.shape
+    margin = (smooth.shape[0] - rows) // 2
+    side = int(np.abs(aside).max())
+    high, wide, edge = rows + 2 * side, columns + 2 * side, margin - side
+    better = np.zeros((rows, columns), np.bool_)
+    mean, sides = np.empty((high, wide), np.float32), np.empty(columns, np.float32)
+    share = np.float32(1 / taps.shape[1])
+    for number in range(len(taps)):
+        # Rows are taken as arrays of their own, so that several pixels are done at once.
+        for row in range(high):
+            into = mean[row]
+            into[:] = 0
+            for tap in range(taps.shape[1]):
+                first, at = edge + taps[number, tap, 0], edge + row + taps[number, tap, 1]
+                light = smooth[at, first : first + wide]
+                for column in range(wide):
+                    into[column] += light[column]
+            for column in range(wide):
+                into[column] *= share
+        x, y = aside[number]
+        for row in range(rows):
+            here = mean[side + row, side : side + columns]
+            left = mean[side + row - y, side - x : side - x + columns]
+            right = mean[side + row + y, side + x : side + x + columns]
+            for column in range(columns):
+                sides[column] = min(left[column], right[column]) - here[column]
+            most, which, more = absorption[row], direction[row], better[row]
+            for column in range(columns):
+                if sides[column] > most[column]:
+                    most[column] = sides[column]
+                    which[column] = number
+                    more[column] = True
+    return better

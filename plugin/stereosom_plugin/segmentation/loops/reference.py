@@ -218,3 +218,47 @@ def tube_profile(place: Floats, chords: Floats, parameters: Floats) -> tuple[Flo
         (low - high) @ weight / blur,
     ]
     return inside @ weight, np.stack(slopes, axis=1)
+
+
+def darker_lines(
+    smooth: Gray,
+    taps: Integers,
+    aside: Integers,
+    absorption: Gray,
+    direction: npt.NDArray[np.int8],
+) -> Booleans:
+    """Where short lines are darker than any before, by as much as than both of their sides.
+
+    Parameters
+    ----------
+    smooth : (rows + 2 k, columns + 2 k) array
+        Logarithm of the light, with a margin.
+    taps : (d, t, 2) array of int
+        Points (x, y) of the line in each direction, from its middle, px.
+    aside : (d, 2) array of int
+        From a line to one of its sides, px.
+    absorption, direction : (rows, columns) array
+        How much darker, and the number of that direction; filled in where it is more.
+    """
+    margin = (len(smooth) - len(absorption)) // 2
+    side = int(np.abs(aside).max())
+    better = np.zeros(absorption.shape, dtype=bool)
+    for number, (line, across) in enumerate(zip(taps, aside, strict=True)):
+        total = shifted(smooth, line[0], margin - side).copy()
+        for tap in line[1:]:
+            total += shifted(smooth, tap, margin - side)
+        total *= np.float32(1 / len(line))
+        sides = np.minimum(shifted(total, across, side), shifted(total, -across, side))
+        darker = sides - shifted(total, (0, 0), side)
+        more = darker > absorption
+        np.copyto(absorption, darker, where=more)
+        np.copyto(direction, np.int8(number), where=more)
+        better |= more
+    return better
+
+
+def shifted(array: Gray, offset: Integers | tuple[int, int], margin: int) -> Gray:
+    """View of an array without its margin, moved by an offset (x, y) of at most the margin."""
+    x, y = int(offset[0]), int(offset[1])
+    rows, columns = array.shape
+    return array[margin + y : rows - margin + y, margin + x : columns - margin + x]
