@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -19,6 +20,7 @@ from .ahead import ahead
 from .centerline import read_vtp
 from .output import OutputFolder, centerline_path
 from .segmentation import Segment, Show, is_own, observe
+from .segmentation.loops import loops
 
 # Frames that are made again where an interrupted run goes on.
 REPEATED = 3
@@ -45,7 +47,7 @@ def reconstruct_run(
     watch: Callable[[Observation], None] | None = None,
     show: Show | None = None,
 ) -> Iterator[Reconstruction]:
-    """Reconstruct the frames that are not done yet, and write each before the next is read.
+    """Reconstruct the frames that are not done yet, and write each while the next is tracked.
 
     Parameters
     ----------
@@ -78,18 +80,30 @@ def reconstruct_run(
     wanted = chain(again, progress(left))
     seen: Iterable[Observation] = observe(acquisition, segment, frames=wanted, show=show)
     if is_own(segment):  # a user's may hold what cannot be copied
+        loops()  # both processes need numba: it is imported once
         seen = ahead(seen)
     observations = _watched(seen, watch)
-    for result in track(observations, method=method, options=options):
-        if result.index in done:
-            continue
+
+    def written(result: Reconstruction) -> Reconstruction:
         folder.commit(
             result,
             samples=sampling.samples,
             spacing=sampling.spacing,
             source_uids=acquisition.source_uids,
         )
-        yield result
+        return result
+
+    # A disk takes its time: meanwhile the next frame is tracked.
+    with ThreadPoolExecutor(1) as disk:
+        waiting: Future[Reconstruction] | None = None
+        for result in track(observations, method=method, options=options):
+            if result.index in done:
+                continue
+            if waiting is not None:
+                yield waiting.result()
+            waiting = disk.submit(written, result)
+        if waiting is not None:
+            yield waiting.result()
 
 
 def _watched(
