@@ -19,7 +19,7 @@ from .acquisition import Acquisition
 from .ahead import ahead
 from .centerline import read_vtp
 from .output import OutputFolder, centerline_path
-from .segmentation import Segment, Show, is_own, observe
+from .segmentation import Segmentation, Show, is_own, observe
 from .segmentation.loops import loops
 
 # Frames that are made again where an interrupted run goes on.
@@ -38,7 +38,7 @@ def reconstruct_run(
     acquisition: Acquisition,
     folder: OutputFolder,
     *,
-    segment: Segment | tuple[Segment, Segment],
+    segment: Segmentation,
     frames: Sequence[int],
     method: str,
     options: Options,
@@ -54,8 +54,8 @@ def reconstruct_run(
     acquisition : Acquisition
     folder : OutputFolder
         Begun; frames that have a row in it are passed over.
-    segment : callable or pair of callables
-        Image to mask, for both views, or one for each.
+    segment : callable, pair of callables or MaskFiles
+        As in `observe`.
     frames : sequence of int
         Numbers of the frames that are wanted.
     method : str
