@@ -64,11 +64,12 @@ def test_even_steps(spacing):
     same("even", line(), way, spacing)
 
 
+@pytest.mark.parametrize("ends", [False, True])
 @pytest.mark.parametrize("face", [False, True])
-@pytest.mark.parametrize("step", [0.0, 0.7, 3.0])
-def test_shadow(face, step):
+@pytest.mark.parametrize("pace", [0.7, 3.0])
+def test_shadow(face, ends, pace):
     pixels = np.stack(np.indices((30, 30)), axis=-1).reshape(-1, 2).astype(float)
-    (share,) = same("shadow", pixels, line(), 4.0, step, face, within=1e-6)
+    (share,) = same("shadow", pixels, line()[5:35], 4.0, pace, ends, face)
     assert share.max() <= 1
     assert np.count_nonzero(share) > 100
 
@@ -84,6 +85,19 @@ def test_heaps_of_points_also_beyond_the_border():
     (heap,) = same("heaped", points, (15, 20))
     inside = np.all((points >= 0) & (points <= [19, 14]), axis=1)
     assert heap.sum() >= np.count_nonzero(inside)
+
+
+def test_a_line_is_drawn_also_across_the_border_and_around_bends():
+    turn = np.linspace(0, 5, 60)
+    lines = [line(), 15 + np.column_stack([9 * np.cos(turn), 6 * np.sin(turn)])]
+    lines += [np.array([[3.0, 3], [20, 4], [5, 9]])]
+    for points in lines:
+        radius = np.linspace(1.5, 4, len(points))
+        masks = np.zeros((2, 30, 28), dtype=bool)
+        for mask, which in zip(masks, (compiled, reference), strict=True):
+            which.draw_line(mask, points, radius)
+        assert (masks[0] == masks[1]).all()
+        assert masks[0].any()
 
 
 def test_darker_lines_fill_in_the_same():

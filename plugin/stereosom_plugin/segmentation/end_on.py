@@ -336,6 +336,6 @@ class _Tail:
             else:
                 damping *= 4
             little = little + 1 if won < SETTLED * cost else 0
-            if little == 2:
+            if little == 3:
                 break
         return _Fit(bend, float(bend[:3].sum()) - self._there, cost)

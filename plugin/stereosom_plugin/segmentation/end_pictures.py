@@ -157,12 +157,12 @@ class Covering:
         self.weights = gaussian(blur, reach=3.0)
         row, column = np.nonzero(window.compared)
         self.pixels = np.column_stack([column, row]).astype(np.float64)
-        self.body = loops().shadow(self.pixels, body.even(ALONG)[0], self.radius, 0.0, False)
+        self.body = loops().shadow(self.pixels, body.points, self.radius, 1.0, False, False)
 
     def __call__(self, tail: Axis, absorption: float) -> Floats:
         """As in `EndPicture`."""
-        axis, step = tail.even(ALONG)
-        share = loops().shadow(self.pixels, axis, self.radius, step, self.face)
+        pace = max(float(tail.way[-1] - tail.way[-2]), 1e-6)
+        share = loops().shadow(self.pixels, tail.points, self.radius, pace, True, self.face)
         share = np.maximum(self.body, share)
         root = loops().blurred_root(share, self.window.compared, absorption, self.weights)
         return np.asarray(root)

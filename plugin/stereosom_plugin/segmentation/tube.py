@@ -138,27 +138,7 @@ def draw_line(line: Floats, radius: Floats | float, shape: tuple[int, ...]) -> M
            [0, 0, 0, 0, 0]])
     """
     mask = np.zeros(shape, dtype=bool)
-    half = np.broadcast_to(radius, len(line)).astype(np.float32)
-    steps = np.diff(line, axis=0)
-    length = np.maximum(np.hypot(*steps.T), 1e-9)
-    x_ahead, y_ahead = (steps / length[:, None]).T.astype(np.float32)
-    # At a bend both steps reach farther, so that no wedge is left between them.
-    cosine = x_ahead[1:] * x_ahead[:-1] + y_ahead[1:] * y_ahead[:-1]
-    mitre = np.sqrt(np.clip((1 - cosine) / (1 + np.maximum(cosine, 0)), 0, 1)) * half[1:-1]
-    before, behind = np.append(0, mitre), np.append(mitre, 0) + length.astype(np.float32)
-    reach = int(np.ceil(np.hypot(half.max(), (behind + before).max() / 2) + 0.5))
-    beside = np.arange(-reach, reach + 1)
-    middle = np.rint((line[:-1] + line[1:]) / 2).astype(int)
-    # Pixels about the middle of each step, (rows, columns, steps): how far along it, and beside.
-    away = (beside[:, None, None] + (middle - line[:-1])).astype(np.float32)
-    x, y = away[..., 0], away[:, None, :, 1]
-    along = x * x_ahead + y * y_ahead
-    covered = np.abs(x * y_ahead - y * x_ahead) <= (half[:-1] + half[1:]) / 2
-    covered &= (along >= -before) & (along <= behind)
-    row, column, step = np.nonzero(covered)
-    row, column = beside[row] + middle[step, 1], beside[column] + middle[step, 0]
-    seen = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
-    mask[row[seen], column[seen]] = True
+    loops().draw_line(mask, line, np.broadcast_to(np.asarray(radius, dtype=float), len(line)))
     return mask
 
 
@@ -176,11 +156,7 @@ def draw(tube: Tube, shape: tuple[int, int]) -> Mask:
     radius = np.interp(
         np.linspace(0, 1, len(line)), np.linspace(0, 1, len(tube.radius)), tube.radius
     )
-    # Of a wide one, not every step makes a difference.
-    coarse = np.unique(
-        np.append(np.arange(0, len(line), max(1, int(radius.min() / 1.5))), len(line) - 1)
-    )
-    return draw_line(line[coarse], radius[coarse], shape)
+    return draw_line(line, radius, shape)
 
 
 def end_face(tube: Tube, end: int, reach: float, shape: tuple[int, ...]) -> Mask:

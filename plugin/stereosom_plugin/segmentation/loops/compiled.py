@@ -160,29 +160,32 @@ def even(points, way, spacing):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def shadow(pixels, axis, radius, step, face):  # type: ignore[no-untyped-def]
+def shadow(pixels, line, radius, pace, ends, face):  # type: ignore[no-untyped-def]
     """As `reference.shadow`."""
-    n, last = len(pixels), len(axis) - 1
-    move_x, move_y = axis[last, 0] - axis[last - 1, 0], axis[last, 1] - axis[last - 1, 1]
-    shown = max(sqrt(move_x**2 + move_y**2), 1e-6 * step)
+    n, last = len(pixels), len(line) - 2
+    steps, square = line[1:] - line[:-1], np.empty(last + 1)
+    for j in range(last + 1):
+        square[j] = max(steps[j, 0] ** 2 + steps[j, 1] ** 2, 1e-12)
+    shown = sqrt(square[last])
+    x_ahead, y_ahead = steps[last, 0] / shown, steps[last, 1] / shown
     share = np.empty(n)
     for i in range(n):
-        square, nearest = np.inf, 0
+        least, nearest = np.inf, 0
         for j in range(last + 1):
-            x, y = pixels[i, 0] - axis[j, 0], pixels[i, 1] - axis[j, 1]
-            if x * x + y * y < square:
-                square, nearest = x * x + y * y, j
-        share[i] = sqrt(max(1 - square / radius**2, 0.0))
-        if step == 0:
+            x, y = pixels[i, 0] - line[j, 0], pixels[i, 1] - line[j, 1]
+            along = min(max((x * steps[j, 0] + y * steps[j, 1]) / square[j], 0.0), 1.0)
+            x, y = x - along * steps[j, 0], y - along * steps[j, 1]
+            if x * x + y * y < least:
+                least, nearest = x * x + y * y, j
+        share[i] = sqrt(max(1 - least / radius**2, 0.0))
+        if not ends:
             continue
-        x = pixels[i, 0] - axis[last, 0] - move_x / 2
-        y = pixels[i, 1] - axis[last, 1] - move_y / 2
-        beyond = (x * move_x + y * move_y) / shown
+        x, y = pixels[i, 0] - line[last + 1, 0], pixels[i, 1] - line[last + 1, 1]
+        beyond = x * x_ahead + y * y_ahead
         if nearest == last and beyond > -0.5:
             share[i] *= min(max(0.5 - beyond, 0.0), 1.0)
         if face:
-            beside = (y * move_x - x * move_y) / shown
-            away = beyond**2 / max(1 - (shown / step) ** 2, 0.02) + beside**2
+            away = beyond**2 / max(1 - (shown / pace) ** 2, 0.02) + (y * x_ahead - x * y_ahead) ** 2
             share[i] = max(share[i], sqrt(max(1 - away / radius**2, 0.0)))
     return share
 
@@ -269,6 +272,41 @@ def tube_profile(place, chords, parameters):  # type: ignore[no-untyped-def]
             slopes[i, 2] += weight * (left * low - right * high) / blur
             slopes[i, 3] += weight * (low - high) / blur
     return profile, slopes
+
+
+@compiled
+def draw_line(mask, line, radius):  # type: ignore[no-untyped-def]
+    """As `reference.draw_line`."""
+    rows, columns = mask.shape
+    last = len(line) - 2
+    before = 0.0
+    for step in range(last + 1):
+        x_step, y_step = line[step + 1, 0] - line[step, 0], line[step + 1, 1] - line[step, 1]
+        length = max(sqrt(x_step**2 + y_step**2), 1e-9)
+        x_step, y_step = x_step / length, y_step / length
+        mitre = 0.0
+        if step < last:
+            x_next, y_next = (
+                line[step + 2, 0] - line[step + 1, 0],
+                line[step + 2, 1] - line[step + 1, 1],
+            )
+            cosine = (x_step * x_next + y_step * y_next) / max(sqrt(x_next**2 + y_next**2), 1e-9)
+            mitre = (
+                sqrt(min(max((1 - cosine) / (1 + max(cosine, 0.0)), 0.0), 1.0)) * radius[step + 1]
+            )
+        half = (radius[step] + radius[step + 1]) / 2
+        reach = sqrt(half**2 + max(before, length + mitre) ** 2)
+        x_first, y_first = (
+            max(floor(line[step, 0] - reach), 0),
+            max(floor(line[step, 1] - reach), 0),
+        )
+        for row in range(y_first, min(floor(line[step, 1] + reach) + 2, rows)):
+            for column in range(x_first, min(floor(line[step, 0] + reach) + 2, columns)):
+                x, y = column - line[step, 0], row - line[step, 1]
+                along, aside = x * x_step + y * y_step, abs(x * y_step - y * x_step)
+                if -before <= along <= length + mitre and aside <= half:
+                    mask[row, column] = True
+        before = mitre
 
 
 @compiled

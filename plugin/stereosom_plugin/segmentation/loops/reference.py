@@ -112,7 +112,9 @@ def even(points: Floats, way: Floats, spacing: float) -> tuple[Floats, float]:
     return np.column_stack([np.interp(at, way, points[:, i]) for i in (0, 1)]), step
 
 
-def shadow(pixels: Floats, axis: Floats, radius: float, step: float, face: bool) -> Floats:
+def shadow(
+    pixels: Floats, line: Floats, radius: float, pace: float, ends: bool, face: bool
+) -> Floats:
     """Chord through a tube at each of n pixels, (n,), as a share of its diameter.
 
     The nearest part of it counts alone.
@@ -120,31 +122,35 @@ def shadow(pixels: Floats, axis: Floats, radius: float, step: float, face: bool)
     Parameters
     ----------
     pixels : (n, 2) array
-    axis : (m, 2) array
-        Points along the tube at even steps, half a step from its end, px.
+    line : (m, 2) array
+        Its axis, px.
     radius : float
         px.
-    step : float
-        Between points in space, px as seen from the side; 0 where there is no end.
+    pace : float
+        Length of the last piece of the axis in space, px as seen from the side.
+    ends : bool
+        Whether it ends there.
     face : bool
         Whether the end's face is seen.
     """
-    square = (pixels**2).sum(axis=1)[:, None] - 2 * pixels @ axis.T + (axis**2).sum(axis=1)
-    nearest = square.argmin(axis=1)
-    distance = np.take_along_axis(square, nearest[:, None], axis=1)[:, 0]
-    share = np.sqrt(np.maximum(1 - np.maximum(distance, 0) / radius**2, 0))
-    if step == 0:
+    steps = np.diff(line, axis=0)
+    square = np.maximum((steps**2).sum(axis=1), 1e-12)
+    offset = pixels[:, None] - line[:-1]
+    along = np.clip((offset * steps).sum(axis=2) / square, 0, 1)
+    distance = ((offset - along[..., None] * steps) ** 2).sum(axis=2)
+    nearest = distance.argmin(axis=1)
+    share = np.sqrt(np.maximum(1 - distance.min(axis=1) / radius**2, 0))
+    if not ends:
         return np.asarray(share)
-    move = axis[-1] - axis[-2]
-    shown = max(float(np.hypot(*move)), 1e-6 * step)
-    ahead = move / shown
-    offset = pixels - (axis[-1] + move / 2)
-    beyond = offset @ ahead
-    past = (nearest == len(axis) - 1) & (beyond > -0.5)
+    shown = float(np.sqrt(square[-1]))
+    x_ahead, y_ahead = steps[-1] / shown
+    x, y = (pixels - line[-1]).T
+    beyond = x * x_ahead + y * y_ahead
+    past = (nearest == len(steps) - 1) & (beyond > -0.5)
     share = np.where(past, np.clip(0.5 - beyond, 0, 1), 1.0) * share
     if face:
-        thick = max(1 - (shown / step) ** 2, 0.02)
-        away = beyond**2 / thick + (offset @ np.array([-ahead[1], ahead[0]])) ** 2
+        thick = max(1 - (shown / pace) ** 2, 0.02)
+        away = beyond**2 / thick + (y * x_ahead - x * y_ahead) ** 2
         share = np.maximum(share, np.sqrt(np.maximum(1 - away / radius**2, 0)))
     return np.asarray(share)
 
@@ -218,6 +224,40 @@ def tube_profile(place: Floats, chords: Floats, parameters: Floats) -> tuple[Flo
         (low - high) @ weight / blur,
     ]
     return inside @ weight, np.stack(slopes, axis=1)
+
+
+def draw_line(mask: Booleans, line: Floats, radius: Floats) -> None:
+    """Set the pixels whose centers lie beside a line by at most half its width.
+
+    Parameters
+    ----------
+    mask : (rows, columns) array of bool
+    line : (n, 2) array
+        px.
+    radius : (n,) array
+        px.
+    """
+    steps = np.diff(line, axis=0)
+    length = np.maximum(np.hypot(*steps.T), 1e-9)
+    x_ahead, y_ahead = (steps / length[:, None]).T
+    # At a bend both steps reach farther, so that no wedge is left between them.
+    cosine = x_ahead[1:] * x_ahead[:-1] + y_ahead[1:] * y_ahead[:-1]
+    mitre = np.sqrt(np.clip((1 - cosine) / (1 + np.maximum(cosine, 0)), 0, 1)) * radius[1:-1]
+    before, behind = np.append(0, mitre), np.append(mitre, 0) + length
+    half = (radius[:-1] + radius[1:]) / 2
+    reach = int(np.ceil(np.hypot(half.max(), (behind + before).max() / 2) + 0.5))
+    beside = np.arange(-reach, reach + 1)
+    middle = np.rint((line[:-1] + line[1:]) / 2).astype(int)
+    # Pixels about the middle of each step, (rows, columns, steps): how far along it, and beside.
+    away = beside[:, None, None] + (middle - line[:-1])
+    x, y = away[..., 0], away[:, None, :, 1]
+    along = x * x_ahead + y * y_ahead
+    covered = np.abs(x * y_ahead - y * x_ahead) <= half
+    covered &= (along >= -before) & (along <= behind)
+    row, column, step = np.nonzero(covered)
+    row, column = beside[row] + middle[step, 1], beside[column] + middle[step, 0]
+    seen = (column >= 0) & (column < mask.shape[1]) & (row >= 0) & (row < mask.shape[0])
+    mask[row[seen], column[seen]] = True
 
 
 def darker_lines(
