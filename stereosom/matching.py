@@ -8,12 +8,11 @@ import numpy as np
 
 from .arrays import Floats, Integers
 from .camera import Camera, StereoRig, triangulate
-from .monotone import loops
 from .reconstruction import HardFrame
 
-# Costs, px², of a point of either end that has no partner: one that may be hidden, and one that
-# lies beyond the border of the other view.
-_UNMATCHED, _BEYOND = 25.0, 0.45
+# Costs, px². A step along one line only, and a point of either end that has no partner: one
+# that may be hidden, and one that lies beyond the border of the other view.
+_ONE_SIDED, _UNMATCHED, _BEYOND = 0.5, 25.0, 0.45
 
 _NEITHER = (False, False)
 
@@ -75,17 +74,49 @@ def match_monotone(
     >>> list(zip(matching.in_a.tolist(), matching.in_b.tolist()))
     [(0, 0), (1, 0), (2, 1)]
     """
+    n, m = len(height_a), len(height_b)
+    difference = (height_a[:, None] - height_b) ** 2
+    total = np.empty((n, m))
     # What is left out of one line at an end lies beyond the border of the other's view, or not.
-    left_out_a, left_out_b = (
-        tuple(_BEYOND if beyond else _UNMATCHED for beyond in other) for other in (open_b, open_a)
-    )
-    start, stop = zip(left_out_a, left_out_b, strict=True)
-    pairs, price = loops().cheapest_way(
-        np.asarray(height_a, dtype=float), np.asarray(height_b, dtype=float), start, stop
-    )
-    lengths = len(height_a), len(height_b)
-    in_a, in_b = np.asarray(pairs).T
-    return Matching(in_a, in_b, float(price) / sum(lengths), lengths)
+    start_a, stop_a = (_BEYOND if beyond else _UNMATCHED for beyond in open_b)
+    start_b, stop_b = (_BEYOND if beyond else _UNMATCHED for beyond in open_a)
+    skipped_b = np.arange(m) * start_b
+    for i in range(n):
+        if i == 0:
+            arrive = skipped_b.copy()
+        else:
+            arrive = total[i - 1] + _ONE_SIDED
+            arrive[1:] = np.minimum(arrive[1:], total[i - 1, :-1])
+            arrive[0] = min(arrive[0], i * start_a)
+        # Going on along b adds up: the best place to have come in, by a running minimum.
+        along = np.cumsum(difference[i] + _ONE_SIDED)
+        total[i] = np.minimum.accumulate(arrive + difference[i] - along) + along
+    last_a = total[:, -1] + np.arange(n)[::-1] * stop_a
+    last_b = total[-1] + np.arange(m)[::-1] * stop_b
+    i, j = n - 1, m - 1
+    if last_a.min() < last_b.min():
+        i = int(np.argmin(last_a))
+    else:
+        j = int(np.argmin(last_b))
+    cost = min(float(last_a.min()), float(last_b.min())) / (n + m)
+    pairs = [(i, j)]
+    while True:
+        here = total[i, j] - difference[i, j]
+        ways = []
+        if i and j:
+            ways.append((total[i - 1, j - 1], i - 1, j - 1))
+        if i:
+            ways.append((total[i - 1, j] + _ONE_SIDED, i - 1, j))
+        if j:
+            ways.append((total[i, j - 1] + _ONE_SIDED, i, j - 1))
+        begun = min(i * start_a if j == 0 else np.inf, j * start_b if i == 0 else np.inf)
+        best = min(ways, default=(np.inf, 0, 0))
+        if begun <= best[0] or here < best[0] - 1e-6 * (1 + abs(here)):
+            break
+        _, i, j = best
+        pairs.append((i, j))
+    in_a, in_b = np.array(pairs[::-1], dtype=np.intp).T
+    return Matching(in_a, in_b, cost, (n, m))
 
 
 def match_lines(
