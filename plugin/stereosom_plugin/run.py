@@ -20,7 +20,7 @@ from .ahead import ahead
 from .centerline import read_vtp
 from .output import OutputFolder, centerline_path
 from .segmentation import Segmentation, Show, is_own, observe
-from .segmentation.loops import loops
+from .segmentation.loops import bring_up
 
 # Frames that are made again where an interrupted run goes on.
 REPEATED = 3
@@ -80,7 +80,7 @@ def reconstruct_run(
     wanted = chain(again, progress(left))
     seen: Iterable[Observation] = observe(acquisition, segment, frames=wanted, show=show)
     if is_own(segment):  # a user's may hold what cannot be copied
-        loops()  # both processes need numba: it is imported once
+        bring_up()  # what both processes need is made once
         seen = ahead(seen)
     observations = _watched(seen, watch)
 

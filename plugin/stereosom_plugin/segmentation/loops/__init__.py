@@ -6,6 +6,13 @@ from functools import cache
 from importlib.util import find_spec
 from types import ModuleType
 
+import numpy as np
+
+
+def bring_up() -> None:
+    """Bring numba up now: a process that is forked afterwards need not do so once more."""
+    loops().medians(np.zeros((1, 1)))
+
 
 @cache
 def loops() -> ModuleType:
