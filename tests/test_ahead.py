@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -119,3 +120,23 @@ def test_a_frame_is_written_while_the_next_is_tracked(monkeypatch):
 def test_what_cannot_be_written_ends_the_run(monkeypatch):
     with pytest.raises(InputError, match="make room"):
         list(run_on(Disk(full=True), monkeypatch))
+
+
+def test_small_items_wait_so_that_a_slow_one_holds_up_nobody(tmp_path):
+    if not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
+        pytest.skip("one processor, or another system")
+    log = tmp_path / "made"
+
+    def items():
+        for _ in range(4):
+            yield np.zeros(5_000)
+            with log.open("a") as file:
+                file.write("x")
+
+    made = ahead(items())
+    next(made)
+    patience = time.monotonic() + 20
+    while not (log.exists() and log.stat().st_size == 4) and time.monotonic() < patience:
+        time.sleep(0.02)
+    assert log.stat().st_size == 4
+    made.close()
