@@ -7,14 +7,16 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline, PchipInterpolator, make_interp_spline, make_lsq_spline
+from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 
 from .arrays import Floats, check_array
 from .refine.kernels import kernels
 
-# Nodes and weights on [-1, 1]; ten points integrate the speed of a smooth span to 1e-12.
-_GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(10)
-_SPANS_AT_LEAST = 32
+# Nodes and weights on [-1, 1]; five points integrate the speed of a short span to 1e-12.
+_GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(5)
+_SPANS_AT_LEAST = 128
+# So many sets of arc lengths are remembered: place, tangent and curvature are asked for one by one.
+_REMEMBERED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +123,15 @@ class Backbone:
         return Backbone(-self.knots[::-1], self.coefficients[::-1], self.degree)
 
     def between(self, start: float, stop: float) -> Backbone:
-        """The stretch from arc length `start` to `stop`, mm, by 500 points interpolated."""
-        return Backbone.through(self(np.linspace(start, stop, 500)))
+        """The stretch from arc length `start` to `stop`, mm: the same spline, cut there."""
+        spline, cuts, degree = self._spline, self._parameter([start, stop]), self.degree
+        for cut in cuts:
+            missing = degree - np.count_nonzero(spline.t == cut)
+            spline = spline.insert_knot(cut, missing) if missing > 0 else spline
+        first = np.searchsorted(spline.t, cuts[0], side="right") - degree
+        last = np.searchsorted(spline.t, cuts[1])
+        knots = np.concatenate([cuts[:1], spline.t[first : last + degree], cuts[1:]])
+        return Backbone(knots, spline.c[first - 1 : last], degree)
 
     def transformed(self, rotation: Any, translation: Any) -> Backbone:
         """The curve after x → R x + t; `rotation` (3, 3), `translation` (3,) in mm."""
@@ -225,8 +234,12 @@ class Backbone:
         first = _reflections(chords)  # none, where arc lengths differ by rounding alone
         turned = np.einsum("nij,nj->ni", first, tangents[:-1])
         moves = _reflections(tangents[1:] - turned) @ first
-        for i, move in enumerate(moves):
-            normals[i + 1] = move @ normals[i]
+        # All of the moves up to each one: in pairs, in pairs of those, and so on.
+        apart = 1
+        while apart < len(moves):
+            moves[apart:] = moves[apart:] @ moves[:-apart]
+            apart *= 2
+        normals[1:] = moves @ normals[0]
         at = np.searchsorted(fine, s)
         return np.stack([tangents[at], normals[at], np.cross(tangents[at], normals[at])], axis=1)
 
@@ -238,26 +251,25 @@ class Backbone:
         return BSpline.construct_fast(self.knots, self.coefficients, self.degree, extrapolate=False)
 
     @cached_property
-    def _table(self) -> tuple[Floats, Floats]:
-        """Spline parameters, and the arc length at each: a fine table, exact at its nodes."""
+    def _table(self) -> tuple[Floats, Floats, Floats]:
+        """Spline parameters, the arc length at each, and their slope over it: a fine table."""
         start, stop = self.knots[self.degree], self.knots[-self.degree - 1]
         spans = np.unique(self.knots[(self.knots >= start) & (self.knots <= stop)])
         pieces = -(-_SPANS_AT_LEAST // (len(spans) - 1)) + 1
         inner = np.linspace(spans[:-1], spans[1:], pieces, endpoint=False).T.ravel()
         parameter = np.append(inner, spans[-1])
         steps = self._length_between(parameter[:-1], parameter[1:])
-        return parameter, np.concatenate([[0.0], np.cumsum(steps)])
+        arc_length = np.concatenate([[0.0], np.cumsum(steps)])
+        return parameter, arc_length, 1 / np.maximum(self._speed(parameter), 1e-300)
 
-    @cached_property
-    def _parameter_guess(self) -> PchipInterpolator:
-        parameter, arc_length = self._table
-        return PchipInterpolator(arc_length, parameter)
+    def _speed(self, parameter: Floats) -> Floats:
+        velocity = self._spline(parameter, nu=1)
+        return np.asarray(np.sqrt(np.einsum("...i,...i", velocity, velocity)))
 
     def _length_between(self, start: Floats, stop: Floats) -> Floats:
         half, middle = (stop - start) / 2, (stop + start) / 2
         nodes = middle[:, None] + half[:, None] * _GAUSS_NODES
-        velocity = self._spline(nodes.ravel(), nu=1).reshape(*nodes.shape, 3)
-        return np.asarray(half * (np.linalg.norm(velocity, axis=-1) @ _GAUSS_WEIGHTS))
+        return np.asarray(half * (self._speed(nodes.ravel()).reshape(nodes.shape) @ _GAUSS_WEIGHTS))
 
     def _parameter(self, s: Any) -> Floats:
         """Spline parameters at arc lengths, by Newton steps from the table."""
@@ -265,26 +277,33 @@ class Backbone:
         slack = 1e-9 * self.length
         if np.any((s < -slack) | (s > self.length + slack)) or not np.isfinite(s).all():
             raise ValueError(f"arc length: must lie between 0 and {self.length:g} mm")
-        # Place, tangent, curvature are mostly asked for at the same arc lengths, one by one.
-        asked, known = self.__dict__.get("_asked", (None, None))
-        if known is not None and np.array_equal(asked, s):
-            return np.asarray(known)
-        nodes, arc_length = self._table
+        asked: list[tuple[Floats, Floats]] = self.__dict__.get("_asked", [])
+        for lengths, known in asked:
+            if np.array_equal(lengths, s):
+                return known
+        nodes, arc_length, slope = self._table
         wanted = np.clip(np.atleast_1d(s), 0.0, self.length)
         span = np.clip(np.searchsorted(arc_length, wanted, side="right") - 1, 0, len(nodes) - 2)
-        parameter = np.clip(self._parameter_guess(wanted), nodes[span], nodes[span + 1])
+        # Begun by Hermite's cubic through the table; where the curve is smooth, a step or two do.
+        step = arc_length[span + 1] - arc_length[span]
+        share = (wanted - arc_length[span]) / np.maximum(step, 1e-300)
+        parameter = (1 - share) ** 2 * (
+            (1 + 2 * share) * nodes[span] + share * step * slope[span]
+        ) + share**2 * ((3 - 2 * share) * nodes[span + 1] - (1 - share) * step * slope[span + 1])
+        parameter = np.clip(parameter, nodes[span], nodes[span + 1])
         for _ in range(4):
             reached = arc_length[span] + self._length_between(nodes[span], parameter)
-            speed = np.linalg.norm(self._spline(parameter, nu=1), axis=1)
-            # A speed near zero (a cusp) must not throw the step out of its span.
             missing = wanted - reached
             if np.abs(missing).max(initial=0.0) < 1e-11 * self.length:
                 break
-            parameter = parameter + missing / np.maximum(speed, 1e-9 * self.length)
+            # A speed near zero (a cusp) must not throw the step out of its span.
+            speed = np.maximum(self._speed(parameter), 1e-9 * self.length)
+            parameter = parameter + missing / speed
             parameter = np.clip(parameter, nodes[span], nodes[span + 1])
         parameter = parameter.reshape(s.shape)
-        self.__dict__["_asked"] = s.copy(), parameter
-        return parameter
+        # A list of its own, so that another thread may look through the one before.
+        self.__dict__["_asked"] = [(s.copy(), parameter), *asked[: _REMEMBERED - 1]]
+        return np.asarray(parameter)
 
     def _derivative(self, s: Any, order: int) -> Floats:
         parameter = self._parameter(s)

@@ -135,8 +135,12 @@ class Reconstruction:
         Not where the standard deviation exceeds 1 mm or three times the radius, whichever
         is larger.
         """
-        limit = max(1.0, 3 * (self.radius or 0.0))
-        return np.asarray(self.standard_deviation_at(s) <= limit)
+        return np.asarray(self.standard_deviation_at(s) <= self.most_determined)
+
+    @property
+    def most_determined(self) -> float:
+        """Greatest standard deviation of a place that the views determine, mm."""
+        return max(1.0, 3 * (self.radius or 0.0))
 
     def _curve(self) -> tuple[Backbone, Floats]:
         if self.backbone is None or self.covariance is None:

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
+import time
 
 import numpy as np
 import pytest
 
+from stereosom.options import Options
+from stereosom.reconstruction import Reconstruction
+from stereosom_plugin import run
+from stereosom_plugin.acquisition import Acquisition
 from stereosom_plugin.ahead import ahead
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.run import _again
@@ -72,3 +78,65 @@ def test_a_run_that_goes_on_makes_its_last_frames_again():
     assert _again(range(8), {0}, list(range(1, 8))) == [0]
     assert _again(range(8), set(), list(range(8))) == []
     assert _again(range(8), set(range(8)), []) == []
+
+
+class Disk:
+    """An output folder whose first write ends when a second frame has been tracked."""
+
+    frames_done: frozenset[int] = frozenset()
+    rows = ()
+
+    def __init__(self, full=False):
+        self.second, self.written, self.full = threading.Event(), [], full
+
+    def commit(self, result, **described):
+        assert self.second.wait(10)
+        if self.full:
+            raise InputError("out", "cannot be written", "make room")
+        self.written.append(result.index)
+
+
+def run_on(disk, monkeypatch):
+    def track(observations, **options):
+        yield Reconstruction(0, 0.0, "failed", reason="nothing there")
+        disk.second.set()
+        yield Reconstruction(1, 0.1, "failed", reason="nothing there")
+
+    monkeypatch.setattr(run, "track", track)
+    acquisition = Acquisition(lambda index: None, (None,), [0.0, 0.1])
+    return run.reconstruct_run(
+        acquisition, disk, segment=lambda image: image > 0, frames=[0, 1], method="joint-spline",
+        options=Options(), sampling=run.Sampling(),
+    )  # fmt: skip
+
+
+def test_a_frame_is_written_while_the_next_is_tracked(monkeypatch):
+    disk = Disk()
+    for result in run_on(disk, monkeypatch):
+        assert result.index in disk.written
+    assert disk.written == [0, 1]
+
+
+def test_what_cannot_be_written_ends_the_run(monkeypatch):
+    with pytest.raises(InputError, match="make room"):
+        list(run_on(Disk(full=True), monkeypatch))
+
+
+def test_small_items_wait_so_that_a_slow_one_holds_up_nobody(tmp_path):
+    if not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
+        pytest.skip("one processor, or another system")
+    log = tmp_path / "made"
+
+    def items():
+        for _ in range(4):
+            yield np.zeros(5_000)
+            with log.open("a") as file:
+                file.write("x")
+
+    made = ahead(items())
+    next(made)
+    patience = time.monotonic() + 20
+    while not (log.exists() and log.stat().st_size == 4) and time.monotonic() < patience:
+        time.sleep(0.02)
+    assert log.stat().st_size == 4
+    made.close()

@@ -115,3 +115,16 @@ def test_what_is_no_curve_is_refused(points, says):
 def test_arc_lengths_outside_the_curve_are_refused():
     with pytest.raises(ValueError, match="between 0 and"):
         arc()(arc().length + 1)
+
+
+@pytest.mark.parametrize(("start", "stop"), [(3.0, 20.0), (0.0, 20.0), (3.0, None), (0.0, None)])
+def test_a_stretch_is_the_same_curve(start, stop):
+    steps = np.random.default_rng(0).normal((1.2, 0.2, 0.2), 0.5, (60, 3))
+    points = np.cumsum(steps, axis=0)
+    whole = Backbone.fit_spline(points, segments=12)
+    stop = whole.length if stop is None else stop
+    stretch = whole.between(start, stop)
+    assert stretch.length == pytest.approx(stop - start, rel=1e-9)
+    s = np.linspace(0, stop - start, 30)
+    assert np.allclose(stretch(s.clip(0, stretch.length)), whole(start + s), atol=1e-7)
+    assert len(stretch.coefficients) <= len(whole.coefficients) + 2 * whole.degree

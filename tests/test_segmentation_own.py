@@ -6,12 +6,15 @@ import sys
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy import ndimage
 
+from stereosom_plugin.centerline import read_vtp
 from stereosom_plugin.cli import main
 from stereosom_plugin.commands.drawing import Results
 from stereosom_plugin.errors import InputError
-from stereosom_plugin.segmentation import outline, segment_xray
+from stereosom_plugin.fluoroscopy import read_biplane
+from stereosom_plugin.segmentation import BiplaneSegmenter, binary, outline, segment_xray
 from stereosom_plugin.segmentation.own import load_segmenter
 from stereosom_plugin.segmentation.show import outlined
 
@@ -74,6 +77,69 @@ def test_command_shows_the_masks(sample, tmp_path):
     call = ["fluoroscopy", str(sample), "--output", str(out), "--frames", "0:1", "--show-masks"]
     assert main([*call, "--quiet"]) == 0
     assert (out / "segmentation_0000.png").stat().st_size > 10_000
+
+
+@pytest.fixture
+def mask_folders(sample, tmp_path):
+    """Masks of the first two frames of the sample as files, empty ones of the others."""
+    acquisition = read_biplane(sample)
+    folders = tmp_path / "a", tmp_path / "b"
+    for folder in folders:
+        folder.mkdir()
+    both = BiplaneSegmenter(acquisition)
+    for frame in range(len(acquisition)):
+        masks = both(acquisition[frame]) if frame < 2 else (np.zeros((512, 512), dtype=bool),) * 2
+        for folder, mask in zip(folders, masks, strict=True):
+            Image.fromarray(mask.astype(np.uint8) * 255).save(folder / f"{frame:03d}.png")
+    return [str(folder) for folder in folders]
+
+
+def test_command_takes_masks_that_are_files(sample, mask_folders, tmp_path):
+    call = ["fluoroscopy", str(sample), "--quiet", "--frames", "0:2"]
+    assert main([*call, "--output", str(tmp_path / "own"), "--masks", *mask_folders]) == 0
+    assert main([*call, "--output", str(tmp_path / "xray")]) == 0
+    ours, theirs = (
+        read_vtp(tmp_path / which / "centerline_0001.vtp").points for which in ("own", "xray")
+    )
+    assert np.allclose(ours, theirs, atol=1e-6)
+    found = Results(tmp_path / "own").segmenter().masks(1)[1]
+    assert (found == binary(Image.open(tmp_path / "b" / "001.png"))).all()
+
+
+def test_masks_that_changed_are_another_run(sample, mask_folders, tmp_path, capsys):
+    call = ["fluoroscopy", str(sample), "--quiet", "--frames", "0:1"]
+    call += ["--output", str(tmp_path / "out"), "--masks", *mask_folders]
+    assert main(call) == 0
+    assert main(call) == 0
+    (tmp_path / "a" / "000.png").write_bytes((tmp_path / "a" / "001.png").read_bytes())
+    assert main(call) == 2
+    assert "results of another call" in capsys.readouterr().err
+
+
+def test_masks_that_do_not_go_with_the_run_are_one_line(sample, mask_folders, tmp_path, capsys):
+    call = ["fluoroscopy", str(sample), "--output", str(tmp_path / "out"), "--masks"]
+    for more, why in (
+        ([*mask_folders, "--segmenter", "numpy:isnan"], "exclude each other"),
+        ([mask_folders[0], str(tmp_path / "none")], "no such file"),
+        ([f"{mask_folders[0]}/000.png", f"{mask_folders[1]}/000.png"], "the run has 6 frames"),
+    ):
+        assert main([*call, *more]) == 2
+        error = capsys.readouterr().err
+        assert why in error
+        assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_poor_masks_do_not_make_the_geometry_doubtful(sample, tmp_path, monkeypatch, capsys):
+    (tmp_path / "my_half.py").write_text(
+        "import numpy as np\ndef dark(image):\n    return image < np.percentile(image, 20)\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    call = ["fluoroscopy", str(sample), "--output", "out", "--frames", "0:2", "--quiet"]
+    assert main([*call, "--segmenter", "my_half:dark"]) == 1
+    error = capsys.readouterr().err
+    assert error.count("failed") == 2
+    assert "geometry" not in error
 
 
 def write_model(path, shape, *, classes=1):

@@ -19,7 +19,7 @@ from stereosom.self_calibration import (
 )
 
 from .acquisition import Acquisition
-from .segmentation import Segment, observe
+from .segmentation import Segmentation, observe
 
 # Frames that are looked at to check, and to refine.
 CHECKED, REFINED_FROM = 8, 30
@@ -78,7 +78,7 @@ class GeometryCheck:
 
 
 def refine_geometry(
-    acquisition: Acquisition, segment: Segment, frames: Sequence[int] | None = None
+    acquisition: Acquisition, segment: Segmentation, frames: Sequence[int] | None = None
 ) -> Acquisition:
     """Refine the relative geometry of a run's views from the device, and note what was changed.
 

@@ -155,6 +155,7 @@ def _sampled(result: Reconstruction, count: int, spacing: float | None) -> tuple
 
 def _point_arrays(result: Reconstruction, backbone: Backbone, s: Floats) -> dict[str, Any]:
     frames = backbone.frames(s)
+    deviation = result.standard_deviation_at(s)
     covariance = result.covariance_at(s).reshape(-1, 9)
     arrays = {
         "ArcLength": s,
@@ -164,8 +165,8 @@ def _point_arrays(result: Reconstruction, backbone: Backbone, s: Floats) -> dict
         "Curvature": backbone.curvature(s),
         "Torsion": backbone.torsion(s),
         "Covariance": covariance[:, [0, 4, 8, 1, 5, 2]],
-        "StandardDeviation": result.standard_deviation_at(s),
-        "Determined": result.determined_at(s),
+        "StandardDeviation": deviation,
+        "Determined": deviation <= result.most_determined,
     }
     if result.radius is not None:
         radius = np.full(len(s), result.radius)

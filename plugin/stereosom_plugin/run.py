@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -18,7 +19,8 @@ from .acquisition import Acquisition
 from .ahead import ahead
 from .centerline import read_vtp
 from .output import OutputFolder, centerline_path
-from .segmentation import Segment, Show, is_own, observe
+from .segmentation import Segmentation, Show, is_own, observe
+from .segmentation.loops import bring_up
 
 # Frames that are made again where an interrupted run goes on.
 REPEATED = 3
@@ -36,7 +38,7 @@ def reconstruct_run(
     acquisition: Acquisition,
     folder: OutputFolder,
     *,
-    segment: Segment | tuple[Segment, Segment],
+    segment: Segmentation,
     frames: Sequence[int],
     method: str,
     options: Options,
@@ -45,15 +47,15 @@ def reconstruct_run(
     watch: Callable[[Observation], None] | None = None,
     show: Show | None = None,
 ) -> Iterator[Reconstruction]:
-    """Reconstruct the frames that are not done yet, and write each before the next is read.
+    """Reconstruct the frames that are not done yet, and write each while the next is tracked.
 
     Parameters
     ----------
     acquisition : Acquisition
     folder : OutputFolder
         Begun; frames that have a row in it are passed over.
-    segment : callable or pair of callables
-        Image to mask, for both views, or one for each.
+    segment : callable, pair of callables or MaskFiles
+        As in `observe`.
     frames : sequence of int
         Numbers of the frames that are wanted.
     method : str
@@ -78,18 +80,30 @@ def reconstruct_run(
     wanted = chain(again, progress(left))
     seen: Iterable[Observation] = observe(acquisition, segment, frames=wanted, show=show)
     if is_own(segment):  # a user's may hold what cannot be copied
+        bring_up()  # what both processes need is made once
         seen = ahead(seen)
     observations = _watched(seen, watch)
-    for result in track(observations, method=method, options=options):
-        if result.index in done:
-            continue
+
+    def written(result: Reconstruction) -> Reconstruction:
         folder.commit(
             result,
             samples=sampling.samples,
             spacing=sampling.spacing,
             source_uids=acquisition.source_uids,
         )
-        yield result
+        return result
+
+    # A disk takes its time: meanwhile the next frame is tracked.
+    with ThreadPoolExecutor(1) as disk:
+        waiting: Future[Reconstruction] | None = None
+        for result in track(observations, method=method, options=options):
+            if result.index in done:
+                continue
+            if waiting is not None:
+                yield waiting.result()
+            waiting = disk.submit(written, result)
+        if waiting is not None:
+            yield waiting.result()
 
 
 def _watched(

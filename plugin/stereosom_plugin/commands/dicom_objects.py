@@ -13,12 +13,12 @@ from ..acquisition import Acquisition, FramePair
 from ..centerline import read_vtp
 from ..dicom_out import Origin, write_centerlines, write_masks
 from ..output import DICOM_CENTERLINES, DICOM_MASKS, centerline_path, read_table
-from ..segmentation import Mask, Segment, observe
+from ..segmentation import Mask, Segmentation, observe
 from .reconstructing import say, warn
 
 
 def write_dicom_objects(
-    acquisition: Acquisition, segment: Segment, origin: Origin, arguments: argparse.Namespace
+    acquisition: Acquisition, segment: Segmentation, origin: Origin, arguments: argparse.Namespace
 ) -> None:
     """Write what was asked for, of all frames that the output folder has."""
     folder = Path(arguments.output)
@@ -39,16 +39,17 @@ def write_dicom_objects(
             warn(f"no frame has a centerline, so there is no {DICOM_CENTERLINES}")
     if arguments.dicom_seg:
         frames = [int(row["frame"]) for row in rows]
+        algorithm = "files" if arguments.masks else arguments.segmenter
         for view, masks in enumerate(_masks(acquisition, segment, frames)):
             path = folder / DICOM_MASKS[view]
             sources = (origin.frames_a, origin.frames_b)[view]
             wanted = [sources[frame] for frame in frames]
-            write_masks(masks, wanted, origin, path, algorithm=arguments.segmenter)
+            write_masks(masks, wanted, origin, path, algorithm=algorithm)
             say(arguments, f"written {path}")
 
 
 def _masks(
-    acquisition: Acquisition, segment: Segment, frames: list[int]
+    acquisition: Acquisition, segment: Segmentation, frames: list[int]
 ) -> tuple[Iterator[Mask], ...]:
     """Segment the pictures once more: masks are not kept during a run. Frames of either view."""
     kept: tuple[dict[int, Any], ...] = ({}, {})

@@ -138,7 +138,7 @@ class Results:
         InputError
             Where it was a user's own, and is not to be had any more.
         """
-        from ..segmentation import binary
+        from ..segmentation import MaskFiles, binary
         from ..segmentation.own import load_segmenter
         from .endoscopy import chosen_segmenter
 
@@ -148,6 +148,10 @@ class Results:
         if self.command == "endoscopy":
             assert self.acquisition is not None
             return chosen_segmenter(options, self.acquisition)
+        if options.get("masks"):
+            assert self.acquisition is not None
+            folder_a, folder_b, _ = options["masks"]
+            return MaskFiles(folder_a, folder_b, self.acquisition)
         return load_segmenter(options.get("segmenter") or "xray")
 
     def rate(self) -> float | None:

@@ -18,6 +18,7 @@ LEFT_OUT = {
     "dsa": False,
     "refine_geometry": False,
     "segmenter": "xray",
+    "masks": None,
     "show_masks": False,
     "dicom_sr": False,
     "dicom_seg": False,
@@ -57,6 +58,13 @@ def add_words(parser: argparse.ArgumentParser) -> None:
         "package.module:function",
     )
     parser.add_argument(
+        "--masks",
+        nargs=2,
+        metavar=("FOLDER_A", "FOLDER_B"),
+        help="masks that are files already: pictures, white on the device, one per frame in order "
+        "of their names, of plane A and plane B as --describe names them",
+    )
+    parser.add_argument(
         "--show-masks",
         action="store_true",
         help="also write segmentation_0000.png, ...: what was found in both views",
@@ -76,14 +84,20 @@ def add_words(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Reconstruct a biplane X-ray run from DICOM."""
     from ..fluoroscopy import read_biplane
-    from ..segmentation.own import load_segmenter
+    from ..segmentation import MaskFiles, Segmentation
+    from ..segmentation.own import XRAY, load_segmenter
 
     if arguments.describe:
         return _describe(arguments)
     if arguments.output is None:
         raise InputError("--output", "is missing", "name a folder for the results; see --help")
-    segment = load_segmenter(arguments.segmenter)
+    if arguments.masks and arguments.segmenter != XRAY:
+        raise InputError("--masks", "and --segmenter exclude each other", "give one of them")
+    segment: Segmentation = load_segmenter(arguments.segmenter)
     acquisition = read_biplane(arguments.inputs, dsa=arguments.dsa)
+    if arguments.masks:
+        folder_a, folder_b = arguments.masks
+        segment = MaskFiles(folder_a, folder_b, acquisition)
     origin = None
     if arguments.dicom_sr or arguments.dicom_seg:
         from ..dicom_out import read_origin  # before a long run: it may refuse

@@ -19,7 +19,7 @@ from ..errors import InputError, require
 from ..output import OutputFolder, Row, centerline_path
 from ..polydata import generator
 from ..run import Sampling, describe_inputs, reconstruct_run
-from ..segmentation import Segment
+from ..segmentation import MaskFiles, Segmentation
 from ..segmentation.show import MaskPictures
 from .drawing import draw
 
@@ -28,7 +28,7 @@ Arguments = argparse.Namespace
 
 def reconstruct_and_report(
     acquisition: Acquisition,
-    segment: Segment | tuple[Segment, Segment],
+    segment: Segmentation,
     arguments: Arguments,
     *,
     check_geometry: bool = False,
@@ -43,7 +43,10 @@ def reconstruct_and_report(
         print(f"stereosom: note: {note}", file=sys.stderr)
     frames = _frames(arguments.frames, len(acquisition))
     options = _options(arguments)
-    folder = OutputFolder(arguments.output, _record(acquisition, arguments))
+    record = _record(acquisition, arguments)
+    if isinstance(segment, MaskFiles):
+        record["options"]["masks"] = [*segment.named, segment.digest]
+    folder = OutputFolder(arguments.output, record)
     check = GeometryCheck(frames if check_geometry else ())
     folder.begin(acquisition.rigs, lenses=acquisition.lenses, overwrite=arguments.overwrite)
     results = reconstruct_run(
@@ -62,7 +65,9 @@ def reconstruct_and_report(
         if not result.ok:
             warn(f"frame {result.index}: {result.status}: {result.reason}")
     folder.finish()
-    if doubt := check.warning():
+    # Where no frame has a curve, it is what was segmented that must be doubted.
+    found = any(row["status"] in ("ok", "predicted") for row in folder.rows)
+    if found and (doubt := check.warning()):
         warn(f"warning: {doubt}")
     if arguments.render:
         _render_run(acquisition, folder)

@@ -9,7 +9,8 @@ from typing import Any
 from . import endoscope
 from .binary import binary
 from .biplane import BiplaneSegmenter
-from .observing import Segment, Show, observe
+from .mask_files import MaskFiles
+from .observing import Segment, Segmentation, Show, observe
 from .outline import outline
 from .picture import Mask
 from .xray import segment_xray
@@ -17,7 +18,9 @@ from .xray import segment_xray
 __all__ = [
     "BiplaneSegmenter",
     "Mask",
+    "MaskFiles",
     "Segment",
+    "Segmentation",
     "Show",
     "binary",
     "endoscope",
@@ -29,6 +32,6 @@ __all__ = [
 
 
 def is_own(segment: Any) -> bool:
-    """Whether a segmentation, or a pair of them, is one of this package's without a model."""
+    """Whether what segments is this package's own alone: no model, no function of a user's."""
     pair = segment if isinstance(segment, tuple) else (segment,)
-    return all(one is segment_xray or isinstance(one, endoscope.Eye) for one in pair)
+    return all(one is segment_xray or isinstance(one, (endoscope.Eye, MaskFiles)) for one in pair)

@@ -99,7 +99,10 @@ def end_caps(
     except ValueError:  # the lines do not match, or make no curve
         return (0.0, 0.0), (0.0, 0.0)
     ends = np.stack([curve.base, curve.tip])
-    tangents = curve.tangent(np.array([0.0, curve.length]))
+    # A spline leaves its ends along its outermost coefficients.
+    tangents = np.stack([curve.coefficients[side] for side in (1, -1)])
+    tangents -= np.stack([curve.coefficients[side] for side in (0, -2)])
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     for camera, tube, found in ((rig.a, tube_a, reach[0]), (rig.b, tube_b, reach[1])):
         seen, outermost = camera.project(ends), tube.line[[0, -1]]
         # The curve may run either way along the line.

@@ -11,7 +11,7 @@ from scipy import ndimage
 from stereosom.arrays import Floats
 from stereosom_plugin.errors import require
 
-from .picture import Mask
+from .picture import Mask, middle
 from .ridges import Ridges
 
 # A line begins where it stands out of the noise by the first, and goes on by the second.
@@ -48,12 +48,13 @@ class Chain:
     @property
     def typical(self) -> float:
         """Median absorption."""
-        return float(np.nanmedian(self.absorption))
+        return middle(self.absorption)
 
     @property
     def variation(self) -> float:
         """Median deviation of the absorption, as a share of the typical."""
-        return float(np.nanmedian(np.abs(self.absorption - self.typical)) / self.typical)
+        typical = self.typical
+        return middle(np.abs(self.absorption - typical)) / typical
 
 
 def find_chains(ridges: Ridges, field: Mask | None = None) -> list[Chain]:
@@ -87,14 +88,14 @@ def find_chains(ridges: Ridges, field: Mask | None = None) -> list[Chain]:
 def _parts(chain: Chain) -> list[Chain]:
     """Both parts of a chain whose absorption changes suddenly: a device that ends upon a wire."""
     log = np.log(chain.absorption)
-    log = np.where(np.isfinite(log), log, np.nanmedian(log))
+    log = np.where(np.isfinite(log), log, middle(log))
     around = np.arange(PART, len(log) - PART)
     if len(around) == 0:
         return []
     smooth = ndimage.median_filter(log, 15)
     change = np.abs(smooth[around + PART // 2] - smooth[around - PART // 2])
     at = int(around[np.argmax(change)])
-    before, behind = np.median(log[:at]), np.median(log[at:])
+    before, behind = middle(log[:at]), middle(log[at:])
     if abs(before - behind) < np.log(CHANGE):
         return []
     return [
@@ -205,7 +206,7 @@ def _join(
 def _absorption_at_end(absorption: Floats) -> float:
     """Absorption near the first point of a piece, without what a crossing there adds to it."""
     near = absorption[min(10, len(absorption) // 2) : 30]
-    return float(np.median(near))
+    return middle(near)
 
 
 def _outward(points: Floats) -> Floats:

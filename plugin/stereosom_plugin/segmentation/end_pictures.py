@@ -17,9 +17,10 @@ from typing import Protocol
 import numpy as np
 from scipy import ndimage
 
-from stereosom.arrays import Booleans, Floats, Integers
+from stereosom.arrays import Booleans, Floats
 
-from .picture import Gray, Mask, binned, darkest, log_light
+from .loops import loops
+from .picture import Gray, Mask, binned, darkest, gaussian, log_light
 from .tube import Tube
 
 # Pixels of the device that are compared, beside it, and of those that are merely empty.
@@ -95,13 +96,10 @@ class Axis:
     points: Floats
     way: Floats
 
-    def even(self, spacing: float) -> tuple[Floats, Floats, float]:
-        """Points at the middles of equal steps, how they move with the way, and the step."""
-        count = max(16, int(np.ceil(self.way[-1] / spacing)))
-        step = float(self.way[-1]) / count
-        at = (np.arange(count) + 0.5) * step
-        points = np.column_stack([np.interp(at, self.way, self.points[:, i]) for i in (0, 1)])
-        return points, np.gradient(points, axis=0) / step, step
+    def even(self, spacing: float) -> tuple[Floats, float]:
+        """Points at the middles of equal steps of the way, and the step."""
+        points, step = loops().even(self.points, self.way, spacing)
+        return points, float(step)
 
 
 class EndPicture(Protocol):
@@ -137,30 +135,17 @@ class Additive:
 
     def _way_through(self, axis: Axis) -> Floats:
         """Way through the device at each pixel, px: discs, which are ellipses seen obliquely."""
-        center, moves, step = axis.even(ALONG)
+        center, step = axis.even(ALONG)
+        moves = np.gradient(center, axis=0) / step
         sine = np.linalg.norm(moves, axis=1)
         along = moves / np.maximum(sine, 1e-6)[:, None]
         across = np.column_stack([-along[:, 1], along[:, 0]])
         thick = np.sqrt(1 - np.minimum(sine, 1) ** 2)[:, None] * self.along
         points = center[:, None] + self.across[:, None] * across[:, None]
         points += thick[..., None] * along[:, None]
-        return self._heaped(points.reshape(-1, 2), np.pi * self.radius**2 * step / len(self.across))
-
-    def _heaped(self, points: Floats, each: float) -> Floats:
-        """Points (n, 2) that stand for a volume each, px³, as a height at each pixel, px."""
-        rows, columns = self.window.root.shape
-        # One more on each side, where all that lies beyond the window is heaped.
-        x = np.clip(points[:, 0] + 1, 0, columns + 0.999)
-        y = np.clip(points[:, 1] + 1, 0, rows + 0.999)
-        column, row = x.astype(int), y.astype(int)
-        right, down = x - column, y - row
-        first = row * (columns + 2) + column
-        place = np.concatenate([first, first + 1, first + columns + 2, first + columns + 3])
-        share = np.concatenate(
-            [(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down]
-        )
-        heap = each * np.bincount(place, share, (rows + 3) * (columns + 2))
-        heap = heap[: (rows + 2) * (columns + 2)].reshape(rows + 2, columns + 2)[1:-1, 1:-1]
+        # Each point stands for a part of the volume, px³: that is a height at its pixel, px.
+        each = np.pi * self.radius**2 * step / len(self.across)
+        heap = each * loops().heaped(points.reshape(-1, 2), self.window.root.shape)
         return np.asarray(ndimage.gaussian_filter(heap, _POINT_BLUR, truncate=3.0))
 
 
@@ -168,41 +153,16 @@ class Covering:
     """The nearest part of the device alone absorbs light: `covering` or, without face, `flat`."""
 
     def __init__(self, window: Window, body: Axis, blur: float, *, face: bool) -> None:
-        self.window, self.radius, self.blur, self.face = window, window.radius, blur, face
+        self.window, self.radius, self.face = window, window.radius, face
+        self.weights = gaussian(blur, reach=3.0)
         row, column = np.nonzero(window.compared)
-        self.pixels = np.column_stack([column, row]).astype(np.float32)
-        self.square = (self.pixels**2).sum(axis=1)
-        self.body = self._share(self._distance(body.even(ALONG)[0])[0])
-        self.light = np.ones(window.root.shape)
+        self.pixels = np.column_stack([column, row]).astype(np.float64)
+        self.body = loops().shadow(self.pixels, body.points, self.radius, 1.0, False, False)
 
     def __call__(self, tail: Axis, absorption: float) -> Floats:
         """As in `EndPicture`."""
-        axis, moves, step = tail.even(ALONG)
-        distance, nearest = self._distance(axis)
-        shown = float(np.linalg.norm(moves[-1]))
-        ahead = moves[-1] / max(shown, 1e-6)
-        end = axis[-1] + moves[-1] * step / 2
-        offset = self.pixels - end
-        beyond = offset @ ahead
-        past = (nearest == len(axis) - 1) & (beyond > -0.5)
-        within = np.where(past, np.clip(0.5 - beyond, 0, 1), 1.0)
-        share = np.maximum(self.body, within * self._share(distance))
-        if self.face:
-            thick = np.sqrt(max(1 - shown**2, 0.02))
-            away = np.hypot(beyond / thick, offset @ np.array([-ahead[1], ahead[0]]))
-            share = np.maximum(share, self._share(away))
-        self.light[self.window.compared] = np.exp(-absorption * share)
-        light = ndimage.gaussian_filter(self.light, self.blur, truncate=3.0)
-        return np.asarray(np.sqrt(light[self.window.compared]))
-
-    def _share(self, distance: Floats) -> Floats:
-        """Chord at a distance from the axis, as a share of the diameter."""
-        return np.asarray(np.sqrt(np.maximum(1 - (distance / self.radius) ** 2, 0)))
-
-    def _distance(self, axis: Floats) -> tuple[Floats, Integers]:
-        """Distance of each compared pixel to the nearest of points (n, 2), and its number."""
-        points = axis.astype(np.float32)
-        square = self.square[:, None] - 2 * self.pixels @ points.T + (points**2).sum(axis=1)
-        nearest = square.argmin(axis=1)
-        least = np.take_along_axis(square, nearest[:, None], axis=1)[:, 0]
-        return np.sqrt(np.maximum(least, 0)), nearest
+        pace = max(float(tail.way[-1] - tail.way[-2]), 1e-6)
+        share = loops().shadow(self.pixels, tail.points, self.radius, pace, True, self.face)
+        share = np.maximum(self.body, share)
+        root = loops().blurred_root(share, self.window.compared, absorption, self.weights)
+        return np.asarray(root)

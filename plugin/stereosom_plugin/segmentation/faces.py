@@ -89,7 +89,9 @@ def _add_end(mask: Mask, camera: Camera, found: EndOn, radius: float, *, whole: 
 
     if whole:
         mask |= draw_line(camera.project(found.tail), radius, mask.shape)
-    for outline in found.rims(camera, radius) if whole else found.rims(camera, radius)[-1:]:
+    for outline in (
+        found.rims(camera, radius)[::-2] if whole else found.rims(camera, radius, most=1)
+    ):
         mask[polygon(outline[:, 1], outline[:, 0], mask.shape)] = True
 
 

@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from stereosom.arrays import Floats
 
-from .picture import log_at
+from .picture import log_across
 from .tube import Tube, extended, normals
 from .way import best_way
 from .xray import AT_BORDER, BAND, Candidate, View
@@ -87,7 +87,7 @@ def _darker(view: View, line: Floats, radius: float, unit: float) -> tuple[Float
     beside = radius + 2 * unit
     count = int(np.ceil((BAND * unit + beside) / (ACROSS * unit)))
     across = ACROSS * unit * np.arange(-count, count + 1, dtype=float)
-    light = log_at(view.picture, line[:, None] + across[:, None] * normals(line)[:, None])
+    light = log_across(view.picture, line, normals(line), across)
     light = ndimage.gaussian_filter1d(light, 1.2, axis=0)
     core = max(1, round(1.2 * radius / (ACROSS * unit)))
     light = ndimage.uniform_filter1d(light, core + (core + 1) % 2, axis=1)

@@ -7,7 +7,7 @@ from scipy import ndimage
 
 from stereosom.arrays import Floats
 
-from .picture import Gray, Mask, darkest, log_at, log_light
+from .picture import Gray, Mask, darkest, grown, log_across, log_light
 from .tube import Tube, edge_share
 
 # Of the light that the axis takes: what takes less is something else that touches the end.
@@ -60,7 +60,7 @@ def sharpen_end(mask: Mask, picture: Gray, tube: Tube, end: int) -> None:
     dark = taken > level
     row, column = np.indices(dark.shape)
     away = np.hypot(column + low[0] - place[0], row + low[1] - place[1])
-    beside = ndimage.binary_dilation(drawn, _SQUARE)
+    beside = grown(drawn)
     at_end = away < END * radius + 1
     folded = _folded(dark, drawn, taken, away, radius, LEAST_SHARE * usual)
     mask[window] = (drawn & (dark | ~at_end)) | (dark & beside & at_end) | folded
@@ -78,8 +78,9 @@ def roundness(picture: Gray, tube: Tube, end: int) -> float:
     across = np.array([-along[1], along[0]])
     steps = np.arange(-2 * radius - 2, radius + 3, 0.5)
     places = 0.75 * radius * np.array([-1.0, 0.0, 1.0])
-    at = line[-1] + steps[:, None, None] * along + places[:, None] * across
-    light = ndimage.gaussian_filter1d(log_at(picture, at), 1.5, axis=0).astype(float)
+    middle = line[-1] + steps[:, None] * along
+    log = log_across(picture, middle, np.tile(across, (len(middle), 1)), places)
+    light = ndimage.gaussian_filter1d(log, 1.5, axis=0).astype(float)
     reached = [_reached(steps, light[:, column]) for column in range(3)]
     # How far a circle falls back at three quarters of its radius; the lesser of both sides, since
     # something dark may lie beside one. Noise alone makes some of it.
@@ -110,14 +111,17 @@ def _folded(
 ) -> Mask:
     """Pieces beside the drawn tube that are as dark as it, and begin near its end."""
     beyond = ndimage.binary_opening(dark & ~drawn, np.ones((2, 2), dtype=bool))
-    labels, count = ndimage.label(beyond, _SQUARE)
-    if count == 0:
+    near = away < 3 * radius + 2
+    if not (beyond & near).any():
         return np.zeros_like(dark)
+    labels, count = ndimage.label(beyond, _SQUARE)
     numbers = np.arange(1, count + 1)
-    core = np.array([np.percentile(taken[labels == number], 60) for number in numbers])
-    nearest = ndimage.minimum(away, labels, numbers)
-    touching = np.bincount(labels[ndimage.binary_dilation(drawn, _SQUARE)], minlength=count + 1)
-    area = np.bincount(labels.ravel(), minlength=count + 1)
-    kept = (core > least) & (nearest < 3 * radius + 2)
-    kept &= (touching[1:] > 0) & (area[1:] > radius**2 / 2)
-    return dark & ndimage.binary_dilation(np.isin(labels, numbers[kept]), _SQUARE)
+    begins = np.bincount(labels[near], minlength=count + 1)[1:] > 0
+    touches = np.bincount(labels[grown(drawn)], minlength=count + 1)[1:] > 0
+    large = np.bincount(labels.ravel(), minlength=count + 1)[1:] > radius**2 / 2
+    kept = [
+        number
+        for number in numbers[begins & touches & large]
+        if np.percentile(taken[labels == number], 60) > least
+    ]
+    return dark & grown(np.isin(labels, kept))

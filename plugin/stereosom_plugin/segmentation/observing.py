@@ -14,17 +14,19 @@ from stereosom_plugin.errors import InputError
 from stereosom_plugin.lens import undistorted_observation
 
 from .biplane import BiplaneSegmenter
+from .mask_files import MaskFiles
 from .picture import Mask
 from .xray import segment_xray
 
 Segment = Callable[[Image], Mask]
+Segmentation = Segment | tuple[Segment, Segment] | MaskFiles
 Expected = Callable[[], Backbone | None]
 Show = Callable[[int, FramePair, Mask, Mask], None]
 
 
 def observe(
     acquisition: Acquisition,
-    segment: Segment | tuple[Segment, Segment] = segment_xray,
+    segment: Segmentation = segment_xray,
     *,
     kind: Kind = "filled",
     frames: Iterable[int] | None = None,
@@ -40,8 +42,8 @@ def observe(
     Parameters
     ----------
     acquisition : Acquisition
-    segment : callable or pair of callables, optional
-        Image to mask, for both views, or one for each.
+    segment : callable, pair of callables or MaskFiles, optional
+        Image to mask, for both views, or one for each; or masks that are files.
     kind : {'filled', 'edges'}
         Whether the masks fill the device or trace its edges.
     frames : iterable of int, optional
@@ -65,7 +67,6 @@ def observe(
         Where a mask has another size than its camera's picture: then all of them have.
     """
     both = BiplaneSegmenter(acquisition) if segment is segment_xray else None
-    segment_a, segment_b = segment if isinstance(segment, tuple) else (segment, segment)
     for index in range(len(acquisition)) if frames is None else frames:
         rig = acquisition.rig(index)
         mask_a, mask_b = (
@@ -76,7 +77,10 @@ def observe(
             pair = acquisition[index]
             if both is not None:
                 mask_a, mask_b = both(pair, expected() if expected else None)
+            elif isinstance(segment, MaskFiles):
+                mask_a, mask_b = segment.masks(index)
             else:
+                segment_a, segment_b = segment if isinstance(segment, tuple) else (segment,) * 2
                 mask_a, mask_b = segment_a(pair.image_a), segment_b(pair.image_b)
             if show is not None:
                 show(index, pair, mask_a, mask_b)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ from scipy import ndimage
 
 from stereosom.arrays import Floats
 from stereosom_plugin.errors import InputError, require
+
+from .loops import loops
 
 Mask = npt.NDArray[np.bool_]
 Gray = npt.NDArray[np.float32]
@@ -52,6 +55,23 @@ def in_polygon(pixels: npt.NDArray[Any], corners: Floats) -> Mask:
     return np.asarray(points_in_poly(pixels.astype(float), corners))
 
 
+def grown(mask: Mask) -> Mask:
+    """A mask and all pixels next to it: a dilation by 3 × 3, in a tenth of the time.
+
+    Examples
+    --------
+    >>> grown(np.array([[True, False, False]]))
+    array([[ True,  True, False]])
+    """
+    rows = mask.copy()
+    rows[1:] |= mask[:-1]
+    rows[:-1] |= mask[1:]
+    larger = rows.copy()
+    larger[:, 1:] |= rows[:, :-1]
+    larger[:, :-1] |= rows[:, 1:]
+    return larger
+
+
 def binned(picture: Gray, factor: int) -> Gray:
     """Mean of blocks of `factor` × `factor` pixels; what is left over at the far edges is dropped.
 
@@ -76,26 +96,48 @@ def log_light(picture: Gray, least: float | None = None) -> Gray:
     return np.asarray(np.log(np.maximum(picture, np.float32(least))))
 
 
-def log_at(picture: Gray, places: Floats) -> Gray:
-    """Natural logarithm of the light at places (..., 2), px, between pixels too."""
-    light = ndimage.map_coordinates(
-        picture, [places[..., 1], places[..., 0]], order=1, mode="nearest", output=np.float32
-    )
-    return np.asarray(np.log(np.maximum(light, darkest(picture))))
+def log_across(picture: Gray, line: Floats, normals: Floats, across: Floats) -> Gray:
+    """Natural logarithm of the light, (n, m), at m places, px, across n points of a line.
+
+    Parameters
+    ----------
+    picture : (rows, columns) array
+    line, normals : (n, 2) array
+        Points, px, and directions across.
+    across : (m,) array
+    """
+    return np.asarray(loops().log_across(picture, line, normals, across, darkest(picture)))
 
 
 def median(values: npt.NDArray[Any], axis: int) -> npt.NDArray[Any]:
-    """Median along an axis of finite numbers: numpy's looks for others first, and takes longer.
+    """Median along an axis of (n, m) finite numbers.
 
     Examples
     --------
-    >>> median(np.array([[3, 1, 2, 9], [1, 1, 1, 5]]), axis=1).tolist()
+    >>> median(np.array([[3, 1, 2, 9], [1, 1, 1, 5.0]]), axis=1).tolist()
     [2.5, 1.0]
     """
-    count = values.shape[axis]
-    low, high = (count - 1) // 2, count // 2
-    parted = np.partition(values, [low, high], axis=axis)
-    return np.asarray((parted.take(low, axis) + parted.take(high, axis)) / 2)
+    return np.asarray(loops().medians(values if axis == 1 else values.T))
+
+
+def middle(values: Floats) -> float:
+    """Median of those of (n,) numbers that are finite."""
+    finite = values[np.isfinite(values)]
+    return float(median(finite[None], axis=1)[0]) if len(finite) else float("nan")
+
+
+def blurred(values: Floats, deviation: float) -> Floats:
+    """Gaussian blur along the first axis of (n,) or (n, m) values."""
+    columns = values.reshape(len(values), -1)
+    return np.asarray(loops().blurred(columns, gaussian(deviation)).reshape(values.shape))
+
+
+@cache
+def gaussian(deviation: float, reach: float = 4.0) -> Floats:
+    """Weights (2 k + 1,) of a Gaussian blur that reaches so many deviations."""
+    far = int(reach * deviation + 0.5)
+    weights = np.exp(-0.5 * (np.arange(-far, far + 1) / deviation) ** 2)
+    return np.asarray(weights / weights.sum())
 
 
 def darkest(picture: Gray) -> float:

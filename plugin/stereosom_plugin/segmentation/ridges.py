@@ -15,6 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from .loops import loops
+from .loops.reference import shifted
 from .picture import Gray, Mask, noise_of
 
 DIRECTIONS = 12
@@ -62,42 +64,18 @@ def find_ridges(log: Gray, scales: tuple[tuple[float, float], ...] = SCALES) -> 
     direction = np.zeros(log.shape, dtype=np.int8)
     noise = np.zeros(log.shape, dtype=np.float32)
     level = noise_of(log)
-    angles = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
+    along = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
+    along = np.stack([np.cos(along), np.sin(along)], axis=1)
+    taps = np.rint(np.arange(-TAPS, TAPS + 1)[:, None] * STRIDE * along[:, None]).astype(np.intp)
     for blur, distance in scales:
-        reach = int(np.ceil(TAPS * STRIDE + distance)) + 1
+        aside = np.rint(distance * np.stack([-along[:, 1], along[:, 0]], axis=1)).astype(np.intp)
+        reach = int(np.ceil(TAPS * STRIDE)) + int(np.ceil(distance)) + 1
         smooth = np.pad(ndimage.gaussian_filter(log, blur, truncate=2.5), reach, mode="edge")
+        better = loops().darker_lines(smooth, taps, aside, absorption, direction)
         # Of white noise a blur leaves 1 / (2 √π blur), a mean of independent taps its root.
         share = np.sqrt(2 / (2 * TAPS + 1)) / (2 * np.sqrt(np.pi) * blur)
-        for number, angle in enumerate(angles):
-            along = np.array([np.cos(angle), np.sin(angle)])
-            line = _line_mean(smooth, along, int(np.ceil(TAPS * STRIDE)))
-            margin = reach - int(np.ceil(TAPS * STRIDE))
-            across = np.rint(distance * np.array([-along[1], along[0]])).astype(int)
-            here = _shifted(line, (0, 0), margin)
-            darker = np.minimum(_shifted(line, across, margin), _shifted(line, -across, margin))
-            darker -= here
-            better = darker > absorption
-            np.copyto(absorption, darker, where=better)
-            np.copyto(direction, np.int8(number), where=better)
-            np.copyto(noise, np.float32(share) * level, where=better)
+        np.copyto(noise, np.float32(share) * level, where=better)
     return Ridges(absorption, noise, direction, _crest(absorption, direction))
-
-
-def _line_mean(smooth: Gray, along: npt.NDArray[np.float64], margin: int) -> Gray:
-    """Mean along a line through each pixel; the result is `margin` smaller on each side."""
-    offsets = np.rint(np.arange(-TAPS, TAPS + 1)[:, None] * STRIDE * along).astype(int)
-    total = _shifted(smooth, offsets[0], margin).copy()
-    for offset in offsets[1:]:
-        total += _shifted(smooth, offset, margin)
-    total *= np.float32(1 / len(offsets))
-    return total
-
-
-def _shifted(array: Gray, offset: npt.NDArray[np.int_] | tuple[int, int], margin: int) -> Gray:
-    """View of an array without its margin, moved by an offset (x, y) of at most the margin."""
-    x, y = int(offset[0]), int(offset[1])
-    rows, columns = array.shape
-    return array[margin + y : rows - margin + y, margin + x : columns - margin + x]
 
 
 def _crest(absorption: Gray, direction: npt.NDArray[np.int8]) -> Mask:
@@ -107,6 +85,6 @@ def _crest(absorption: Gray, direction: npt.NDArray[np.int8]) -> Mask:
     for number in range(DIRECTIONS):
         angle = number * np.pi / DIRECTIONS
         across = np.rint([-np.sin(angle), np.cos(angle)]).astype(int)
-        sides = np.maximum(_shifted(padded, across, 1), _shifted(padded, -across, 1))
+        sides = np.maximum(shifted(padded, across, 1), shifted(padded, -across, 1))
         crest |= (direction == number) & (absorption >= sides) & (absorption > 0)
     return crest

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
-from scipy.special import ndtr
 
 from stereosom.arrays import Floats
 
-from .picture import Gray, Mask, log_at, median
+from .loops import loops
+from .picture import Gray, Mask, blurred, gaussian, log_across, median
 
 # Steps along and across the straightened picture, px.
 ALONG, ACROSS = 1.0, 0.5
@@ -128,16 +128,17 @@ def fit_tube(
 
 
 def draw_line(line: Floats, radius: Floats | float, shape: tuple[int, ...]) -> Mask:
-    """Pixels whose centers lie beside a line (n, 2), px, by at most half its width (n,) or one."""
-    from skimage.draw import polygon
+    """Pixels whose centers lie beside a line (n, 2), px, by at most half its width (n,) or one.
 
+    Examples
+    --------
+    >>> draw_line(np.array([[1.0, 1], [3, 1]]), 0.5, (3, 5)).astype(int)
+    array([[0, 0, 0, 0, 0],
+           [0, 1, 1, 1, 0],
+           [0, 0, 0, 0, 0]])
+    """
     mask = np.zeros(shape, dtype=bool)
-    offset = np.broadcast_to(radius, len(line))[:, None] * normals(line)
-    left, right = line + offset, line - offset
-    for start in range(0, len(line) - 1, 6):
-        part = slice(start, start + 7)
-        outline = np.concatenate([left[part], right[part][::-1]])
-        mask[polygon(outline[:, 1], outline[:, 0], shape)] = True
+    loops().draw_line(mask, line, np.broadcast_to(np.asarray(radius, dtype=float), len(line)))
     return mask
 
 
@@ -188,14 +189,20 @@ def extended(line: Floats, by: int, smooth: float = 0.0) -> Floats:
     before = line[0] + step[::-1] * (line[0] - line[back]) / back
     behind = line[-1] + step * (line[-1] - line[-1 - back]) / back
     longer = np.concatenate([before, line, behind])
-    return ndimage.gaussian_filter1d(longer, smooth, axis=0) if smooth else longer
+    return blurred(longer, smooth) if smooth else longer
 
 
 def normals(line: Floats) -> Floats:
     """Directions of length one (n, 2) across a line, to the right of its way in the picture."""
-    tangent = np.gradient(line, axis=0)
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-9)
-    return np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    across = np.empty_like(line, dtype=float)
+    for part, step in (
+        (slice(1, -1), line[2:] - line[:-2]),
+        (slice(1), line[1:2] - line[:1]),
+        (slice(-1, None), line[-1:] - line[-2:-1]),
+    ):
+        across[part] = step[:, ::-1]
+    across[:, 0] *= -1
+    return across / np.maximum(np.hypot(across[:, 0], across[:, 1]), 1e-9)[:, None]
 
 
 def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Floats]:
@@ -206,23 +213,15 @@ def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Flo
     near = half + 2.0
     count = int(np.ceil((half + 6.0) / ACROSS))
     far = ACROSS * count
-    across = ACROSS * np.arange(-count, count + 1)
-    place = line[:, None] + across[:, None] * normals(line)[:, None]
-    straight = log_at(picture, place)
-    sides = []
+    across = ACROSS * np.arange(-count, count + 1, dtype=float)
+    straight = log_across(picture, line, normals(line), across)
     beyond = int(np.floor((far - near) / ACROSS)) + 1
-    for beside in (straight[:, :beyond], straight[:, -beyond:]):
-        level = median(beside, axis=1)
-        sides.append(ndimage.gaussian_filter1d(ndimage.median_filter(level, 5), 1.5))
-    middle = (near + far) / 2
-    share = (across + middle) / (2 * middle)
-    behind = sides[0][:, None] * (1 - share) + sides[1][:, None] * share
-    return (behind - straight).astype(np.float64), across.astype(np.float64)
+    return np.asarray(loops().absorbed(straight, across, beyond, gaussian(1.5))), across
 
 
 def _half_width(darkness: Floats, across: Floats) -> float:
     """Half of the width within which more than half of the greatest absorption lies, px."""
-    profile = ndimage.gaussian_filter1d(median(darkness, axis=0), 1.0)
+    profile = blurred(median(darkness, axis=0), 1.0)
     wide = profile > 0.4 * profile.max()
     return max(0.5 * ACROSS * float(wide.sum()), 1.0)
 
@@ -233,7 +232,7 @@ def _center(darkness: Floats, across: Floats, half: float, first: float, last: f
     Beyond the first and the last step of the device it goes straight on.
     """
     near = np.abs(across) <= half + 2
-    weight = np.clip(ndimage.gaussian_filter1d(darkness[:, near], 2.0, axis=0), 0, None)
+    weight = np.clip(blurred(darkness[:, near], 2.0), 0, None)
     weight = weight**2  # the device, not what lies beside it
     center = weight @ across[near] / np.maximum(weight.sum(axis=1), 1e-6)
     begin, end = int(np.ceil(first)) + 1, max(int(last) - 1, int(first) + 6)
@@ -250,7 +249,7 @@ def _center(darkness: Floats, across: Floats, half: float, first: float, last: f
     mirrored = np.concatenate(
         [2 * inner[0] - inner[count:0:-1], inner, 2 * inner[-1] - inner[-2 : -count - 2 : -1]]
     )
-    inner = ndimage.gaussian_filter1d(mirrored, 2.5)[count : len(mirrored) - count]
+    inner = blurred(mirrored, 2.5)[count : len(mirrored) - count]
     steps = np.arange(len(center))
     back = min(6, len(inner) - 1)
     before = inner[0] + (steps[:begin] - begin) * (inner[back] - inner[0]) / back
@@ -269,8 +268,8 @@ def _end(darkness: Floats, across: Floats, half: float, enters: bool, grown: flo
         return float(last - REACH)
     core = np.abs(across) <= max(0.6 * half, ACROSS)
     taken = 1 - np.exp(-median(darkness[:, core], axis=1))
-    smooth = ndimage.gaussian_filter1d(taken, 0.8)
-    usual = float(np.median(smooth[REACH:-REACH]))
+    smooth = blurred(taken, 0.8)
+    usual = float(median(smooth[None, REACH:-REACH], axis=1)[0])
     present = smooth >= (END_SHARE if grown < MOST_GROWTH else AS_DARK) * usual
     # The outermost step that most of the steps before it agree with: a short fade (something
     # bright behind) is no end, and what is fainter beyond the end does not belong to it.
@@ -304,7 +303,7 @@ def _profile(
     prior = np.zeros(4)
     prior[2] = (PROFILE_NOISE / (BLUR_SPREAD if blur is None else 0.01)) ** 2 * len(place)
     for _ in range(12):
-        model, slopes = _with_slopes(place, found)
+        model, slopes = loops().tube_profile(place, _OFFSETS, found)
         pull = slopes.T @ (taken - model) + prior * ((blur or BLUR) - found)
         step = np.linalg.solve(slopes.T @ slopes + np.diag(prior + 1e-6), pull)
         step = np.clip(step, -0.4 * np.abs(found) - 0.2, 0.4 * np.abs(found) + 0.2)
@@ -320,7 +319,7 @@ def _profile(
     if stretches >= 3:
         rows = np.array_split(np.arange(len(darkness)), stretches)
         parts = 1 - np.exp(-np.stack([median(darkness[row], axis=0) for row in rows]))
-        model, slopes = _with_slopes(place, found)
+        model, slopes = loops().tube_profile(place, _OFFSETS, found)
         change = np.linalg.lstsq(slopes[:, [0, 1, 3]], (parts - model).T, rcond=None)[0][0]
         places = np.array([row.mean() for row in rows])
         steps = np.arange(len(darkness)) - places.mean()
@@ -329,40 +328,16 @@ def _profile(
     return radii, absorption, spread
 
 
-def _with_slopes(place: Floats, parameters: Floats) -> tuple[Floats, Floats]:
-    """Profile (n,) of radius, absorption, blur, center, and how it changes with them, (n, 4)."""
-    step = 1e-3
-    radius, absorption, blur, center = (parameters + step * np.vstack([np.zeros(4), np.eye(4)])).T
-    here, *moved = _blurred_chords(place - center[:, None], radius, absorption, blur)
-    return here, np.stack([(one - here) / step for one in moved], axis=1)
-
-
 def _robust_slope(x: Floats, y: Floats) -> float:
     """Median of the slopes between all pairs of points (Theil and Sen)."""
     i, j = np.triu_indices(len(x), 1)
     return float(np.median((y[j] - y[i]) / (x[j] - x[i])))
 
 
-def _blurred_chords(
-    place: Floats, radius: Floats | float, absorption: Floats | float, blur: Floats | float
-) -> Floats:
-    """Share of light that a round tube takes at places (..., n) across it, after a Gaussian blur.
-
-    Radius, absorption and blur are one number or (...). The profile is a sum of nested boxes,
-    whose blur is a difference of normal distributions.
-    """
-    radius, absorption, blur = (np.asarray(one)[..., None] for one in (radius, absorption, blur))
-    taken = 1 - np.exp(-absorption * np.sqrt(1 - _OFFSETS**2))
-    weight = taken - np.concatenate([taken[..., 1:], np.zeros_like(taken[..., :1])], axis=-1)
-    edge = (radius * (_OFFSETS + 0.5 / len(_OFFSETS)))[..., None, :]
-    at, wide = place[..., None], blur[..., None]
-    inside = ndtr((at + edge) / wide) - ndtr((at - edge) / wide)
-    return np.asarray((inside @ weight[..., None])[..., 0])
-
-
 def edge_share(tube: Tube, further_blur: float = 0.0) -> float:
     """Light that a tube takes at its edge, as a share of what it takes at its axis."""
     blur = float(np.hypot(tube.blur, further_blur))
     radius = float(np.median(tube.radius))
-    axis, edge = _blurred_chords(np.array([0.0, radius]), radius, tube.absorption, blur)
+    shape = np.array([radius, tube.absorption, blur, 0.0])
+    axis, edge = loops().tube_profile(np.array([0.0, radius]), _OFFSETS, shape)[0]
     return float(edge / axis)

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .loops import loops
+
 
 def best_way(score: npt.NDArray[Any], price: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
     """Place in each row (n,) of the way through scores (n, m) that collects most.
@@ -24,22 +26,4 @@ def best_way(score: npt.NDArray[Any], price: npt.NDArray[Any]) -> npt.NDArray[np
     >>> best_way(np.eye(3), np.array([0.2, 0, 0.2]))
     array([0, 1, 2])
     """
-    count, wide = score.shape
-    most = len(price) // 2
-    came = np.empty((count, wide), dtype=np.intp)
-    total = score[0].astype(float)
-    padded = np.full(wide + 2 * most, -np.inf)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, wide)  # a row per turn
-    priced = price[:, None]
-    places = np.arange(wide)
-    for row in range(1, count):
-        padded[most : most + wide] = total
-        reached = windows - priced
-        best = came[row] = reached.argmax(axis=0)
-        total = reached[best, places] + score[row]
-    came += places - most
-    way = np.empty(count, dtype=np.intp)
-    way[-1] = int(total.argmax())
-    for row in range(count - 1, 0, -1):
-        way[row - 1] = came[row, way[row]]
-    return way
+    return np.asarray(loops().best_way(score, price))

@@ -1,0 +1,129 @@
+"""The picture along a line, and across it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+from scipy.special import ndtr
+
+from stereosom.arrays import Floats, Integers
+
+Gray = npt.NDArray[np.float32]
+
+
+def log_across(picture: Gray, line: Floats, normals: Floats, across: Floats, least: float) -> Gray:
+    """Logarithm of the light, (n, m), at m places across each of n points of a line.
+
+    Parameters
+    ----------
+    picture : (rows, columns) array
+        The light; taken between pixels by straight lines, and beyond the border as there.
+    line, normals : (n, 2) array
+        Points, px, and the directions across.
+    across : (m,) array
+        Places, px.
+    least : float
+        At which the light is held.
+    """
+    place = line[:, None] + across[:, None] * normals[:, None]
+    light = ndimage.map_coordinates(
+        picture, [place[..., 1], place[..., 0]], order=1, mode="nearest", output=np.float32
+    )
+    return np.asarray(np.log(np.maximum(light, np.float32(least))))
+
+
+def medians(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Median of each row (n,) of finite numbers (n, m): numpy's looks for others first."""
+    count = values.shape[1]
+    low, high = (count - 1) // 2, count // 2
+    parted = np.partition(values, [low, high], axis=1)
+    return np.asarray((parted[:, low] + parted[:, high]) / 2)
+
+
+def best_way(score: npt.NDArray[Any], price: Floats) -> Integers:
+    """As `way.best_way`."""
+    count, wide = score.shape
+    most = len(price) // 2
+    came = np.empty((count, wide), dtype=np.intp)
+    total = score[0].astype(float)
+    padded = np.full(wide + 2 * most, -np.inf)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, wide)  # a row per turn
+    priced = price[:, None]
+    places = np.arange(wide)
+    for row in range(1, count):
+        padded[most : most + wide] = total
+        reached = windows - priced
+        best = came[row] = reached.argmax(axis=0)
+        total = reached[best, places] + score[row]
+    came += places - most
+    way = np.empty(count, dtype=np.intp)
+    way[-1] = int(total.argmax())
+    for row in range(count - 1, 0, -1):
+        way[row - 1] = came[row, way[row]]
+    return way
+
+
+def blurred(values: Floats, weights: Floats) -> Floats:
+    """Weighted mean down each column of (n, m) values; beyond the ends they are mirrored."""
+    return np.asarray(ndimage.correlate1d(values, weights, 0))
+
+
+def absorbed(log: Gray, across: Floats, beyond: int, weights: Floats) -> Floats:
+    """What a device absorbs, (n, m), of the logarithm of the light across it.
+
+    What lies behind is drawn straight from one side of the device to the other: between medians
+    of the outermost places, smooth along the line.
+
+    Parameters
+    ----------
+    log : (n, m) array
+    across : (m,) array
+        Places, px.
+    beyond : int
+        How many of them are beside the device, on either side.
+    weights : (2 k + 1,) array
+        Of the blur along the line.
+    """
+    sides = []
+    for beside in (log[:, :beyond], log[:, log.shape[1] - beyond :]):
+        level = ndimage.median_filter(medians(beside).astype(float), 5)
+        sides.append(ndimage.correlate1d(level, weights))
+    middle = -(across[0] + across[beyond - 1]) / 2
+    share = (across + middle) / (2 * middle)
+    return np.asarray(sides[0][:, None] * (1 - share) + sides[1][:, None] * share - log)
+
+
+def tube_profile(place: Floats, chords: Floats, parameters: Floats) -> tuple[Floats, Floats]:
+    """Share of light that a round tube takes at places across it, (n,), and its slopes, (n, 4).
+
+    The profile is a sum of nested boxes, whose blur is a difference of normal distributions.
+
+    Parameters
+    ----------
+    place : (n,) array
+        px.
+    chords : (m,) array
+        Half-widths of the boxes, as shares of the radius.
+    parameters : (4,) array
+        Radius, px, absorption on the axis, blur, px, and center, px.
+    """
+    radius, absorption, blur, center = parameters
+    through = np.sqrt(1 - chords**2)
+    passes = np.exp(-absorption * through)
+    weight = -np.diff(1 - passes, append=0)
+    grows = -np.diff(through * passes, append=0)
+    wide = chords + 0.5 / len(chords)
+    right = (place[:, None] - center + radius * wide) / blur
+    left = (place[:, None] - center - radius * wide) / blur
+    inside = ndtr(right) - ndtr(left)
+    high, low = (np.exp(-(edge**2) / 2) / np.sqrt(2 * np.pi) for edge in (right, left))
+    slopes = [
+        (high + low) @ (weight * wide) / blur,
+        inside @ grows,
+        (left * low - right * high) @ weight / blur,
+        (low - high) @ weight / blur,
+    ]
+    return inside @ weight, np.stack(slopes, axis=1)
