@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from stereosom_plugin.errors import InputError
 
 pytest.importorskip("skimage")
 from stereosom_plugin.segmentation.endoscope import segmenter
+from stereosom_plugin.segmentation.endoscope.ribbon import Ribbon
 
 ROWS = slice(28, 33)
 
@@ -37,6 +39,44 @@ def test_a_known_background_leaves_the_device_in_each_eye():
     left, right = segmenter(background=(tissue(1), tissue(2)))
     assert np.array_equal(left(with_device(tissue(1))), expected())
     assert np.array_equal(right(with_device(tissue(2))), expected())
+
+
+def test_what_the_empty_scene_shows_of_the_device_belongs_to_it():
+    """A robot that is drawn back leaves a stub in the picture; a dark patch is none."""
+    stub = tissue()
+    stub[ROWS, 10:30] = 40, 60, 140
+    stub[20:50, 62:] = 40, 60, 140
+    left, _ = segmenter(background=(stub, stub))
+    seen = with_device(tissue())
+    seen[20:50, 62:] = 40, 60, 140
+    mask = left(seen)
+    assert np.flatnonzero(mask[30]).min() <= 12
+    assert mask.sum() < 1.1 * expected().sum()
+
+
+def test_a_mask_holds_the_pixels_whose_centers_lie_between_the_edges():
+    along = np.linspace(5, 75, 141)
+    rims = [np.column_stack([along, 30 + side * 4.3 + along / 7]) for side in (-1, 1)]
+    ribbon = Ribbon((rims[0] + rims[1]) / 2, (rims[0], rims[1]), np.ones(141, dtype=bool), 8.6)
+    x, y = np.meshgrid(np.arange(80), np.arange(60))
+    between = (np.abs(y - 30 - x / 7) < 4.3) & (x >= 5) & (x <= 75)
+    assert np.array_equal(ribbon.mask((60, 80)), between)
+
+
+def test_a_rim_that_turns_back_in_a_sharp_bend_leaves_no_hole():
+    turn = np.linspace(np.pi, 2 * np.pi, 60)
+    out, back = np.linspace(10, 30, 40), np.linspace(30, 10, 40)
+    middle = np.column_stack([
+        np.concatenate([np.full(40, 38), 40 + 2 * np.cos(turn), np.full(40, 42)]),
+        np.concatenate([out, 30 - 2 * np.sin(turn), back]),
+    ])  # fmt: skip
+    along = np.gradient(middle, axis=0)
+    normal = np.column_stack([-along[:, 1], along[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    rims = (middle - 4.2 * normal, middle + 4.2 * normal)  # wider than the bend
+    mask = Ribbon(middle, rims, np.ones(140, dtype=bool), 8.4).mask((60, 80))
+    assert np.array_equal(mask, ndimage.binary_fill_holes(mask))
+    assert mask[12:33, 36:45].all()
 
 
 def test_another_exposure_than_the_backgrounds_is_no_device():

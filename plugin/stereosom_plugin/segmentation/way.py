@@ -26,20 +26,18 @@ def best_way(score: npt.NDArray[Any], price: npt.NDArray[Any]) -> npt.NDArray[np
     """
     count, wide = score.shape
     most = len(price) // 2
-    came = np.empty((count, wide), dtype=np.intp)
-    total = score[0].astype(float)
-    padded = np.full(wide + 2 * most, -np.inf)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, wide)  # a row per turn
-    priced = price[:, None]
-    places = np.arange(wide)
+    total = np.full((count, wide + 2 * most), -np.inf)  # beyond both sides there is no way
+    inner = total[:, most : most + wide]
+    inner[0] = score[0]
+    before = np.lib.stride_tricks.sliding_window_view(total, wide, axis=1)  # (row, turn, place)
+    priced, reached = price[:, None], np.empty((len(price), wide))
     for row in range(1, count):
-        padded[most : most + wide] = total
-        reached = windows - priced
-        best = came[row] = reached.argmax(axis=0)
-        total = reached[best, places] + score[row]
-    came += places - most
+        np.subtract(before[row - 1], priced, out=reached)
+        np.maximum.reduce(reached, axis=0, out=inner[row])
+        inner[row] += score[row]
     way = np.empty(count, dtype=np.intp)
-    way[-1] = int(total.argmax())
-    for row in range(count - 1, 0, -1):
-        way[row - 1] = came[row, way[row]]
+    place = way[-1] = int(inner[-1].argmax())
+    for row in range(count - 2, -1, -1):
+        place += int((total[row, place : place + len(price)] - price).argmax()) - most
+        way[row] = place
     return way

@@ -92,11 +92,14 @@ class Before:
             seen, behind = light(sample(picture, x, y)), sample(background, x, y)
             # Where a thin line goes on, it is no shadow.
             differs = np.clip(difference(seen, behind, shadows=False) / LEAST - 1, -1, 1)
+            like_it = _likeness(color, seen)
             # Before what has its own color, a device may make no difference, and its color proves
-            # none: a difference alone is evidence there.
+            # none, unless it has both sides there: the stub that the empty scene shows as well.
             alike = np.clip(_likeness(color, behind), 0, 1)
-            both_say = (differs + _likeness(color, seen)) / 2
-            return np.asarray((1 - alike) * both_say + alike * np.maximum(differs, 0))
+            narrow = np.mean(like_it < 0, axis=1, keepdims=True) > 0.5
+            unchanged = np.where(narrow, np.clip(like_it / 2, 0, 1), 0)
+            both_say = (differs + like_it) / 2
+            return np.asarray((1 - alike) * both_say + alike * np.maximum(differs, unchanged))
 
         return both
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -35,8 +36,6 @@ _EDGE = 0.14  # to either side of an edge, where its colors are looked up
 _STRAYS_PX, _STRAYS, _BRIDGED = 0.6, 0.02, 0.1
 # Fewer widths of length are no device; rows that are less like it than this are gaps.
 _SHORTEST, _LEAST_LIKE = 3.0, 0.1
-# Side of the tiles in which a mask is drawn, px.
-_TILE = 64
 # A device that is less like itself than this on the mean has been lost.
 _LOST = 0.35
 
@@ -64,15 +63,14 @@ class Ribbon:
 
     def mask(self, shape: tuple[int, ...]) -> Mask:
         """The pixels whose centers lie between the edges, (rows, columns)."""
-        cv2 = require("cv2", "endoscopy")
-        drawn = np.zeros(shape[:2], dtype=np.uint8)
+        drawn = np.zeros(shape[:2], dtype=bool)
         left, right = self.edges
         number = np.flatnonzero(self.seen)
         for run in np.split(number, np.flatnonzero(np.diff(number) > 1) + 1):
             if len(run) > 1:
                 rims = [_half_a_row_longer(edge[run]) for edge in (left, right)]
-                _fill(cv2, drawn, np.vstack([rims[0], rims[1][::-1]]))
-        return drawn > 0
+                _fill(drawn, np.vstack([rims[0], rims[1][::-1]]))
+        return drawn
 
 
 def trace(
@@ -125,10 +123,7 @@ def trace(
     seen = seen >= _LEAST_LIKE
     rough = _rough_edges(like[kept], offset, center, width)
     weight = within[kept].any(axis=1) & (np.nan_to_num(row_like[kept]) > _LEAST_LIKE)
-    edges = [
-        _fine_edge(picture, line, normal, side * rough[number], side, width, weight)
-        for number, side in enumerate((-1.0, 1.0))
-    ]
+    edges = _fine_edges(picture, line, normal, rough, width, weight)
     span = edges[1] - edges[0]
     width = float(np.median(span[weight])) if weight.any() else width
     seen &= span > 0.2 * width
@@ -224,36 +219,38 @@ def _rough_edges(like: Floats, offset: Floats, center: Floats, width: float) -> 
         total = np.cumsum(np.take_along_axis(smooth, column, axis=1), axis=1)
         at = far[total.argmax(axis=1)] * step + step / 2
         at = ndimage.median_filter(at, size=2 * round(_SMOOTH / _ROW / 2) + 1, mode="nearest")
-        found.append(side * (center + side * at))
+        found.append(center + side * at)
     return np.stack(found)
 
 
-def _fine_edge(
-    picture: Any, line: Floats, normal: Floats, rough: Floats, side: float,
-    width: float, weight: Any,
-) -> Floats:  # fmt: skip
-    """Where the color has gone half the way from inside to outside, (rows,), from the line."""
+def _fine_edges(
+    picture: Any, line: Floats, normal: Floats, rough: Floats, width: float, weight: Any
+) -> Floats:
+    """Where the colors have gone half the way from inside to outside, (2, rows), from the line."""
     reach = max(2.5, _EDGE * width)
-    across = np.linspace(-reach, reach, 21)
-    place = line[:, None] + (rough[:, None] + side * across)[..., None] * normal[:, None]
+    across, side = np.linspace(-reach, reach, 21), np.array([[-1.0], [1.0]])
+    away = (rough[..., None] + side[..., None] * across).reshape(-1, 21, 1)
+    place = np.tile(line, (2, 1))[:, None] + away * np.tile(normal, (2, 1))[:, None]
     profile = sample(picture, place[..., 0], place[..., 1]).astype(np.float32)
-    profile = ndimage.uniform_filter1d(profile, 5, axis=0)
-    inner, outer = profile[:, 1:7].mean(axis=1), profile[:, 14:20].mean(axis=1)
+    profile = ndimage.uniform_filter1d(profile.reshape(2, len(line), 21, -1), 5, axis=1)
+    inner, outer = profile[:, :, 1:7].mean(axis=2), profile[:, :, 14:20].mean(axis=2)
     way = outer - inner
-    share = ((profile - inner[:, None]) * way[:, None]).sum(axis=2)
-    share /= np.maximum((way**2).sum(axis=1), 1e-6)[:, None]
+    share = np.einsum("erck,erk->erc", profile - inner[:, :, None], way)
+    square = (way**2).sum(axis=2)
+    share /= np.maximum(square, 1e-6)[..., None]
     # The area under the rise: the place of its half, less noisy than where it crosses.
     step = across[1] - across[0]
-    shift = across[-1] - np.clip(share, 0, 1).sum(axis=1) * step + step / 2
-    contrast = np.sqrt((way**2).sum(axis=1))
-    sure = weight * np.minimum(contrast / 25, 1) ** 2 + 1e-6
+    shift = across[-1] - np.clip(share, 0, 1).sum(axis=2) * step + step / 2
+    sure = weight * np.minimum(np.sqrt(square) / 25, 1) ** 2 + 1e-6
     shift = np.where(np.abs(shift) < reach, shift, 0)
-    edge = _to_flat_ends(rough + side * shift, sure)
+    edge = rough + side * shift
+    edge = np.stack([_to_flat_ends(*each) for each in zip(edge, sure, strict=True)], axis=1)
+    sure = sure.T
     # What departs from the run of the edge is a glare or a vessel beside it: bridged.
     for _ in range(3):
         run = _weighted(edge, sure, _RUN / _ROW)
         sure = sure / (1 + ((edge - run) / max(_STRAYS_PX, _STRAYS * width)) ** 2)
-    return np.asarray(run + _weighted(edge - run, sure, _SMOOTH / _ROW, _BRIDGED))
+    return np.asarray(run + _weighted(edge - run, sure, _SMOOTH / _ROW, _BRIDGED)).T
 
 
 def _to_flat_ends(edge: Floats, sure: Floats) -> Floats:
@@ -263,9 +260,11 @@ def _to_flat_ends(edge: Floats, sure: Floats) -> Floats:
     for end, inward in ((seen[0], 1), (seen[-1], -1)) if len(seen) else ():
         distance = inward * (row - end) * _ROW
         body = (distance >= _ROUND) & (distance < _ROUND + _BODY)
-        if sure[body].sum() > 1e-3 and body.sum() > 4:
-            way = np.polynomial.Polynomial.fit(row[body], edge[body], 1, w=np.sqrt(sure[body]))
-            edge = np.where(distance < _ROUND, way(row), edge)
+        weight, at, here = sure[body], row[body], edge[body]
+        if (total := weight.sum()) > 1e-3 and len(at) > 4:
+            middle, level = weight @ at / total, weight @ here / total
+            slope = weight @ ((at - middle) * (here - level)) / (weight @ (at - middle) ** 2)
+            edge = np.where(distance < _ROUND, level + slope * (row - middle), edge)
     return edge
 
 
@@ -281,19 +280,28 @@ def sample(picture: Any, x: Floats, y: Floats) -> Any:
 
 def _smooth(values: Floats, sigma: float) -> Floats:
     """A mean along the first axis that neither shortens a line nor turns its ends."""
-    return _weighted(values, np.ones(len(values)), sigma)
+    return _weighted(values, np.ones((len(values), 1)), sigma)
 
 
 def _weighted(values: Floats, weights: Floats, sigma: float, more: float = 0.0) -> Floats:
-    """The same with weights; `more` of them at zero."""
-    margin = min(int(3 * sigma) + 1, len(values) - 1)
+    """The same with weights, (n, 1) or one to a value; `more` of them at zero."""
     flat = np.reshape(values, (len(values), -1))
-    flat = np.pad(flat, ((margin, margin), (0, 0)), mode="reflect", reflect_type="odd")
-    weight = np.pad(weights, margin, mode="reflect")[:, None]
-    over = ndimage.gaussian_filter1d(flat * weight, sigma, axis=0, truncate=3)
-    under = ndimage.gaussian_filter1d(weight, sigma, axis=0, truncate=3)
-    inner = slice(margin, len(flat) - margin)
-    return np.asarray((over / (under + more))[inner].reshape(np.shape(values)))
+    margin = min(int(3 * sigma) + 1, len(flat) - 1)
+    before, after = slice(margin, 0, -1), slice(-2, -2 - margin, -1)
+    weight = np.vstack([weights[before], weights, weights[after]])
+    flat = np.vstack([2 * flat[0] - flat[before], flat, 2 * flat[-1] - flat[after]])
+    both = np.hstack([flat * weight, weight])
+    over = ndimage.correlate1d(both, _bell(sigma), axis=0)[margin : len(flat) - margin]
+    mean = over[:, : flat.shape[1]] / (over[:, flat.shape[1] :] + more)
+    return np.asarray(mean.reshape(np.shape(values)))
+
+
+@lru_cache(maxsize=64)
+def _bell(sigma: float) -> Floats:
+    """Weights of a normal distribution out to three deviations, their sum one."""
+    reach = int(3 * sigma + 0.5)
+    weight = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    return np.asarray(weight / weight.sum())
 
 
 def _half_a_row_longer(edge: Floats) -> Floats:
@@ -302,23 +310,19 @@ def _half_a_row_longer(edge: Floats) -> Floats:
     return np.vstack([before, edge, after])
 
 
-def _fill(cv2: Any, drawn: Any, outline: Floats) -> None:
-    low = np.floor(outline.min(axis=0)).astype(int) - 1
-    high = np.ceil(outline.max(axis=0)).astype(int) + 2
-    low, high = np.maximum(low, 0), np.minimum(high, drawn.shape[::-1])
-    if (high <= low).any():
-        return
-    # At four times the size, then the pixels that are covered for at least a half.
-    window = np.zeros(4 * (high - low)[::-1], dtype=np.uint8)
-    points = np.rint(((outline - low + 0.5) * 4 - 0.5) * 16).astype(np.int32)
-    cv2.fillPoly(window, [points], 255, lineType=cv2.LINE_8, shift=4)
-    part = drawn[low[1] : high[1], low[0] : high[0]]
-    touched = np.zeros(part.shape, dtype=np.uint8)
-    cv2.fillPoly(touched, [np.rint((outline - low) * 16).astype(np.int32)], 1, cv2.LINE_8, 4)
-    for top in range(0, len(part), _TILE):
-        for left in range(0, part.shape[1], _TILE):
-            place = (slice(top, top + _TILE), slice(left, left + _TILE))
-            if touched[place].any():  # a long device leaves most of its window empty
-                fine = window[4 * top : 4 * (top + _TILE), 4 * left : 4 * (left + _TILE)]
-                small = cv2.resize(fine, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
-                part[place] |= (small > 127).astype(np.uint8)
+def _fill(drawn: Mask, outline: Floats) -> None:
+    """Draw the pixels whose centers a polygon, (n, 2), winds about."""
+    start, end = outline, np.roll(outline, -1, axis=0)
+    upper, lower = np.minimum(start, end)[:, 1], np.maximum(start, end)[:, 1]
+    # The lines of pixels that each side crosses, and where.
+    first = np.clip(np.ceil(upper).astype(int), 0, len(drawn))
+    count = np.clip(np.ceil(lower).astype(int), first, len(drawn)) - first
+    side = np.repeat(np.arange(len(outline)), count)
+    row = np.arange(len(side)) - np.repeat(np.cumsum(count) - count - first, count)
+    (x, y), (to_x, to_y) = start[side].T, end[side].T
+    place = x + (row - y) * (to_x - x) / (to_y - y)
+    order = np.lexsort((place, row))
+    row, column = row[order], np.clip(np.ceil(place[order]).astype(int), 0, drawn.shape[1])
+    turns = np.cumsum(np.where(to_y > y, 1, -1)[order])  # back at none at the end of each line
+    for number in np.flatnonzero(turns):
+        drawn[row[number], column[number] : column[number + 1]] = True

@@ -23,7 +23,7 @@ from .ribbon import Evidence, Ribbon, trace
 # most, and as long as what is found becomes longer by more than this.
 _LEARNED, _LONGER = 6, 1.01
 # A narrower device has edges that are not told apart by straightening it, px.
-_NARROW_PX = 4.0
+_NARROW_PX = 3.0
 # Share of its length and width that a device keeps from one frame to the next.
 _KEPT = 0.7
 
