@@ -99,6 +99,15 @@ def test_a_highlight_within_the_device_belongs_to_it():
     assert left(seen)[30, 30:40].all()
 
 
+def test_a_white_background_is_no_highlight_of_what_bends_before_it():
+    seen = np.full((120, 160, 3), 255, dtype=np.uint8)
+    seen[40:43, 20:100] = seen[40:80, 97:100] = seen[46:49, 20:90] = 90, 20, 20
+    left, _ = segmenter(width_px=12)
+    mask = left(seen)
+    assert mask.any()
+    assert not mask[seen[..., 0] == 255].any()
+
+
 @pytest.mark.parametrize(
     "drawn", [{"color_box": (20, 26, 12, 9)}, {"stroke": [(15, 30), (60, 30)]}]
 )

@@ -76,7 +76,7 @@ class Before:
         apart = difference(picture, behind)
         noise = 1.4826 * float(np.median(apart[::2, ::2]))
         low, high = max(LEAST, LEAST_NOISE * noise), max(CLEAR, CLEAR_NOISE * noise)
-        mask = with_highlights(device_pixels(apart, low, high, width), picture, width)
+        mask = with_highlights(device_pixels(apart, low, high, width), picture, behind, width)
         if not mask.any():
             return mask, color_evidence(None)
         return mask, self.learned(picture, mask)
@@ -123,7 +123,8 @@ def _likeness(color: DeviceColor, seen: Light) -> Floats:
 def _of_color(color: DeviceColor, picture: Light, width_px: float | None) -> Mask:
     width = greatest_width(picture, width_px)
     likely = np.maximum(color(picture), 0)
-    return with_highlights(device_pixels(likely, LIKELY, VERY_LIKELY, width), picture, width)
+    mask = device_pixels(likely, LIKELY, VERY_LIKELY, width)
+    return with_highlights(mask, picture, plain_background(picture), width)
 
 
 def greatest_width(picture: Light, width_px: float | None) -> int:

@@ -74,18 +74,19 @@ def longest_group(mask: Mask) -> Mask:
     return np.asarray(np.isin(labels, kept))
 
 
-def with_highlights(mask: Mask, picture: Light, width: int) -> Mask:
-    """Add what glares between pixels of the device, and fill what it encloses.
+def with_highlights(mask: Mask, picture: Light, behind: Light, width: int) -> Mask:
+    """Add what glares between pixels of the device, unless what is behind it glares as well.
 
     Parameters
     ----------
     mask : (rows, columns) array of bool
-    picture : (rows, columns, channels) array
+    picture, behind : (rows, columns, channels) array
+        With the device, and what is behind it.
     width : int
         Greatest width of the device, px.
     """
     cv2 = require("cv2", "endoscopy")
-    glares = picture.min(axis=2) > HIGHLIGHT
+    glares = (picture.min(axis=2) > HIGHLIGHT) & (behind.min(axis=2) <= HIGHLIGHT)
     if not glares.any():
         return mask
     reach = max(1, width // 2)
