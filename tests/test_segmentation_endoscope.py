@@ -63,6 +63,25 @@ def test_a_mask_holds_the_pixels_whose_centers_lie_between_the_edges():
     assert np.array_equal(ribbon.mask((60, 80)), between)
 
 
+def test_a_device_that_swings_by_more_than_its_width_keeps_its_flat_end():
+    row, column = np.indices((240, 320))
+
+    def shown(angle_deg):
+        """A bar of 16 px that comes in from the right, and its pixels."""
+        x, y = 320 - column, row - 120
+        angle = np.deg2rad(angle_deg)
+        along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
+        mask = (np.abs(across) < 8) & (along < 200)
+        noise = np.random.default_rng(1).normal(0, 2, (240, 320, 1))
+        picture = np.where(mask[..., None], [170, 185, 200], [150, 70, 60]) + noise
+        return np.clip(picture, 0, 255).astype(np.uint8), mask
+
+    left, _ = segmenter()
+    for angle in (-5, -3, 4, 12):  # its end moves by up to 28 px
+        picture, mask = shown(angle)
+        assert np.sum(left(picture) ^ mask) < 0.03 * mask.sum()
+
+
 def test_a_rim_that_turns_back_in_a_sharp_bend_leaves_no_hole():
     turn = np.linspace(np.pi, 2 * np.pi, 60)
     out, back = np.linspace(10, 30, 40), np.linspace(30, 10, 40)

@@ -14,7 +14,7 @@ from .color import DeviceColor
 from .difference import difference, plain_background
 from .frame import Light, light
 from .pieces import device_pixels, with_highlights
-from .ribbon import Evidence, sample
+from .straight import Evidence, sample
 
 # Of the full range of light: what differs from the background at least, and clearly.
 LEAST, CLEAR = 0.08, 0.2

@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
 from stereosom.arrays import Floats
-from stereosom_plugin.errors import require
 
 from ..picture import Mask
-from ..way import best_way
-
-# How likely colors are those of the device, (n, m), -1 to 1, of what a picture shows at places
-# (x, y), (n, m) each.
-Evidence = Callable[[Any, Floats, Floats], Floats]
+from .straight import LEAST_LIKE, ROW, Evidence, Strip, sample, smooth, straighten, weighted
 
 # All of these in widths of the device.
-_SIDE, _BEYOND, _GAP = 2.0, 3.0, 6.0
-_ROW = 1 / 8  # from row to row of a straightened picture
-_STEEPEST = 2  # columns that the middle may move by from row to row
-_TURN = 0.02  # price of one
 _SMOOTH = 0.7  # along an edge
 # Of a round end, and of the body before it that tells how an edge runs.
 _ROUND, _BODY = 0.6, 2.0
@@ -34,8 +23,8 @@ _EDGE = 0.14  # to either side of an edge, where its colors are looked up
 # An edge that is farther from its run than this, px and in widths, strays; how sure an edge must
 # be to depart from its run.
 _STRAYS_PX, _STRAYS, _BRIDGED = 0.6, 0.02, 0.1
-# Fewer widths of length are no device; rows that are less like it than this are gaps.
-_SHORTEST, _LEAST_LIKE = 3.0, 0.1
+# Fewer widths of length are no device.
+_SHORTEST = 3.0
 # A device that is less like itself than this on the mean has been lost.
 _LOST = 0.35
 
@@ -99,30 +88,20 @@ def trace(
     Ribbon or None
         Nothing where there is no device about the line.
     """
-    size = np.array(picture.shape[1::-1], dtype=float)
-    line, normal = _even(line, width, size)
-    columns = max(24, round(12 * _SIDE))
-    offset = np.linspace(-_SIDE, _SIDE, 2 * columns + 1) * width
-    place = line[:, None] + offset[:, None] * normal[:, None]
-    within = np.asarray(((place >= -0.5) & (place <= size - 0.5)).all(axis=2))
-    like = np.where(within, evidence(picture, place[..., 0], place[..., 1]), 0.0)
-    center = offset[_middle(like, round(columns / _SIDE / 2))]
-    inside = (offset >= (center - width / 4)[:, None]) & (offset <= (center + width / 4)[:, None])
-    known = inside & within
-    row_like = (like * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    row_like[known.sum(axis=1) < 0.5 * inside.sum(axis=1)] = np.nan
-    start, stop = _longest_run(row_like)
-    if (stop - start) * _ROW < _SHORTEST or np.nanmean(row_like[start:stop]) < _LOST:
+    strip = straighten(picture, line, width, evidence)
+    like, offset, center, row_like = strip.like, strip.offset, strip.center, strip.row_like
+    start, stop = strip.run()
+    if (stop - start) * ROW < _SHORTEST or np.nanmean(row_like[start:stop]) < _LOST:
         return None
     if place_ends:
-        body = place[np.arange(len(place)), np.abs(offset - center[:, None]).argmin(axis=1)]
-        start, stop = _half_way(picture, body, normal, width, np.isnan(row_like), start, stop)
+        start, stop = _half_way(picture, strip, width, start, stop)
     kept = slice(start, stop)
-    line, normal, center = line[kept], normal[kept], _smooth(center[kept], _SMOOTH / _ROW / 2)
-    seen = np.asarray(ndimage.uniform_filter1d(np.nan_to_num(row_like[kept], nan=1.0), 5))
-    seen = seen >= _LEAST_LIKE
+    line, normal = strip.line[kept], strip.normal[kept]
+    center = smooth(center[kept], _SMOOTH / ROW / 2)
+    near = ndimage.uniform_filter1d(np.nan_to_num(row_like[kept], nan=1.0), 5)
+    seen = near >= LEAST_LIKE
     rough = _rough_edges(like[kept], offset, center, width)
-    weight = within[kept].any(axis=1) & (np.nan_to_num(row_like[kept]) > _LEAST_LIKE)
+    weight = strip.within[kept].any(axis=1) & (np.nan_to_num(row_like[kept]) > LEAST_LIKE)
     edges = _fine_edges(picture, line, normal, rough, width, weight)
     span = edges[1] - edges[0]
     width = float(np.median(span[weight])) if weight.any() else width
@@ -132,63 +111,11 @@ def trace(
     return Ribbon(middle, (left, right), seen, width)
 
 
-def _even(line: Floats, width: float, size: Floats) -> tuple[Floats, Floats]:
-    """A line at even steps, gone on straight at both ends, and its normals."""
-    step = max(_ROW * width, 0.5)
-    reach = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    at = np.linspace(0, reach[-1], max(int(reach[-1] / step), 8))
-    even = np.column_stack([np.interp(at, reach, axis) for axis in line.T])
-    even = _smooth(even, _RUN * width / step)
-    tail = min(max(int(width / step), 2), len(even) - 1)
-    ahead = step * np.arange(1, int(_BEYOND * width / step) + 1)[:, None]
-    ends = []
-    for end, before in ((even[0], even[tail]), (even[-1], even[-1 - tail])):
-        heading = (end - before) / max(float(np.linalg.norm(end - before)), 1e-9)
-        ends.append(end + ahead * heading)
-    even = np.vstack([ends[0][::-1], even, ends[1]])
-    near = ((even > -width) & (even < size - 1 + width)).all(axis=1)
-    inside = np.flatnonzero(near)
-    if len(inside) > 8:
-        even = even[inside[0] : inside[-1] + 1]
-    along = np.gradient(even, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-    return even, np.column_stack([-along[:, 1], along[:, 0]])
-
-
-def _middle(like: Floats, half: int) -> Any:
-    """The column of each row about which a width of the evidence is strongest, smoothly."""
-    total = ndimage.uniform_filter1d(like, 2 * half + 1, axis=1, mode="constant")
-    # What lies beside a device is something else; a wide thing is not followed along its rim.
-    beside = ndimage.uniform_filter1d(like, 4 * half + 1, axis=1, mode="constant")
-    gain = ndimage.uniform_filter1d(2 * total - beside, 5, axis=0)
-    return best_way(gain, _TURN * np.abs(np.arange(-_STEEPEST, _STEEPEST + 1)))
-
-
-def _longest_run(row_like: Floats) -> tuple[int, int]:
-    """Rows from the device's one end to the other; beyond the picture nothing is known."""
-    smooth = ndimage.median_filter(np.nan_to_num(row_like, nan=-9.0), 5)
-    on = np.flatnonzero(smooth > _LEAST_LIKE)
-    if len(on) == 0:
-        return 0, 0
-    breaks = np.flatnonzero(np.diff(on) > _GAP / _ROW)
-    starts, stops = on[np.append(0, breaks + 1)], on[np.append(breaks, len(on) - 1)] + 1
-    longest = int(np.argmax(stops - starts))
-    start, stop = int(starts[longest]), int(stops[longest])
-    # At the picture's border the device goes on beyond it.
-    outside = np.isnan(row_like)
-    while start > 0 and outside[start - 1]:
-        start -= 1
-    while stop < len(row_like) and outside[stop]:
-        stop += 1
-    return start, stop
-
-
-def _half_way(
-    picture: Any, middle: Floats, normal: Floats, width: float, outside: Any, start: int, stop: int
-) -> tuple[int, int]:
+def _half_way(picture: Any, strip: Strip, width: float, start: int, stop: int) -> tuple[int, int]:
     """Rows of both ends, where the color has gone half the way to that behind the device."""
+    middle, normal, outside = strip.middle, strip.normal, np.isnan(strip.row_like)
     across = np.linspace(-0.2, 0.2, 5)[:, None] * width
-    reach = round(_END / _ROW)
+    reach = round(_END / ROW)
     found = []
     for end, outward in ((start, -1), (stop - 1, 1)):
         rows = end + outward * np.arange(-reach, reach + 1)
@@ -218,7 +145,7 @@ def _rough_edges(like: Floats, offset: Floats, center: Floats, width: float) -> 
         column = np.clip(first[:, None] + side * far, 0, like.shape[1] - 1)
         total = np.cumsum(np.take_along_axis(smooth, column, axis=1), axis=1)
         at = far[total.argmax(axis=1)] * step + step / 2
-        at = ndimage.median_filter(at, size=2 * round(_SMOOTH / _ROW / 2) + 1, mode="nearest")
+        at = ndimage.median_filter(at, size=2 * round(_SMOOTH / ROW / 2) + 1, mode="nearest")
         found.append(center + side * at)
     return np.stack(found)
 
@@ -248,9 +175,9 @@ def _fine_edges(
     sure = sure.T
     # What departs from the run of the edge is a glare or a vessel beside it: bridged.
     for _ in range(3):
-        run = _weighted(edge, sure, _RUN / _ROW)
+        run = weighted(edge, sure, _RUN / ROW)
         sure = sure / (1 + ((edge - run) / max(_STRAYS_PX, _STRAYS * width)) ** 2)
-    return np.asarray(run + _weighted(edge - run, sure, _SMOOTH / _ROW, _BRIDGED)).T
+    return np.asarray(run + weighted(edge - run, sure, _SMOOTH / ROW, _BRIDGED)).T
 
 
 def _to_flat_ends(edge: Floats, sure: Floats) -> Floats:
@@ -258,7 +185,7 @@ def _to_flat_ends(edge: Floats, sure: Floats) -> Floats:
     row = np.arange(len(edge))
     seen = np.flatnonzero(sure > 1e-3)
     for end, inward in ((seen[0], 1), (seen[-1], -1)) if len(seen) else ():
-        distance = inward * (row - end) * _ROW
+        distance = inward * (row - end) * ROW
         body = (distance >= _ROUND) & (distance < _ROUND + _BODY)
         weight, at, here = sure[body], row[body], edge[body]
         if (total := weight.sum()) > 1e-3 and len(at) > 4:
@@ -266,42 +193,6 @@ def _to_flat_ends(edge: Floats, sure: Floats) -> Floats:
             slope = weight @ ((at - middle) * (here - level)) / (weight @ (at - middle) ** 2)
             edge = np.where(distance < _ROUND, level + slope * (row - middle), edge)
     return edge
-
-
-def sample(picture: Any, x: Floats, y: Floats) -> Any:
-    """Colors at places (x, y), (n, m, channels), interpolated."""
-    cv2 = require("cv2", "endoscopy")
-    found = cv2.remap(
-        picture, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE,
-    )  # fmt: skip
-    return found if found.ndim == 3 else found[..., None]
-
-
-def _smooth(values: Floats, sigma: float) -> Floats:
-    """A mean along the first axis that neither shortens a line nor turns its ends."""
-    return _weighted(values, np.ones((len(values), 1)), sigma)
-
-
-def _weighted(values: Floats, weights: Floats, sigma: float, more: float = 0.0) -> Floats:
-    """The same with weights, (n, 1) or one to a value; `more` of them at zero."""
-    flat = np.reshape(values, (len(values), -1))
-    margin = min(int(3 * sigma) + 1, len(flat) - 1)
-    before, after = slice(margin, 0, -1), slice(-2, -2 - margin, -1)
-    weight = np.vstack([weights[before], weights, weights[after]])
-    flat = np.vstack([2 * flat[0] - flat[before], flat, 2 * flat[-1] - flat[after]])
-    both = np.hstack([flat * weight, weight])
-    over = ndimage.correlate1d(both, _bell(sigma), axis=0)[margin : len(flat) - margin]
-    mean = over[:, : flat.shape[1]] / (over[:, flat.shape[1] :] + more)
-    return np.asarray(mean.reshape(np.shape(values)))
-
-
-@lru_cache(maxsize=64)
-def _bell(sigma: float) -> Floats:
-    """Weights of a normal distribution out to three deviations, their sum one."""
-    reach = int(3 * sigma + 0.5)
-    weight = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    return np.asarray(weight / weight.sum())
 
 
 def _half_a_row_longer(edge: Floats) -> Floats:

@@ -17,7 +17,8 @@ from .color import Box, DeviceColor, Stroke, in_box, on_stroke
 from .edges import edge_mask
 from .finding import Before, ByColor, Finder
 from .frame import as_bytes, light
-from .ribbon import Evidence, Ribbon, trace
+from .ribbon import Ribbon, trace
+from .straight import Evidence, brought_to
 
 # A whole search learns the device's color anew, from what it found the time before, so often at
 # most, and as long as what is found becomes longer by more than this.
@@ -127,13 +128,9 @@ class Eye:
         """The mask of a picture."""
         if self.last is not None and self.evidence is not None:
             picture = as_bytes(image)
-            ribbon = trace(
-                picture,
-                self.last.middle[self.last.seen],
-                self.last.width,
-                self.evidence,
-                place_ends=self.finder.eager,
-            )
+            line, width = self.last.middle[self.last.seen], self.last.width
+            line = brought_to(picture, line, width, self.evidence)
+            ribbon = trace(picture, line, width, self.evidence, place_ends=self.finder.eager)
             if ribbon is not None and _goes_on(self.last, ribbon):
                 self.last = ribbon
                 return ribbon.mask(picture.shape)
