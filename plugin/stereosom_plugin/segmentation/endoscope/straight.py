@@ -30,7 +30,7 @@ _TURN = 0.02  # price of one
 LEAST_LIKE = 0.1
 # A line is brought to a device on every so many-th row and column, as often at most as it is
 # farther off than this, in widths.
-_COARSE, _OFF, _BROUGHT = 2, 0.5, 3
+_COARSE, _OFF, _BROUGHT = 2, 1.0, 3
 
 
 @dataclass(frozen=True, eq=False)
