@@ -63,7 +63,13 @@ class Ribbon:
 
 
 def trace(
-    picture: Any, line: Floats, width: float, evidence: Evidence, *, place_ends: bool = False
+    picture: Any,
+    line: Floats,
+    width: float,
+    evidence: Evidence,
+    *,
+    place_ends: bool = False,
+    middle: bool = False,
 ) -> Ribbon | None:
     """Find the device about a line.
 
@@ -88,7 +94,7 @@ def trace(
     Ribbon or None
         Nothing where there is no device about the line.
     """
-    strip = straighten(picture, line, width, evidence)
+    strip = straighten(picture, line, width, evidence, middle=middle)
     like, offset, center, row_like = strip.like, strip.offset, strip.center, strip.row_like
     start, stop = strip.run()
     if (stop - start) * ROW < _SHORTEST or np.nanmean(row_like[start:stop]) < _LOST:
@@ -106,9 +112,8 @@ def trace(
     span = edges[1] - edges[0]
     width = float(np.median(span[weight])) if weight.any() else width
     seen &= span > 0.2 * width
-    middle = line + ((edges[0] + edges[1]) / 2)[:, None] * normal
     left, right = (line + edge[:, None] * normal for edge in edges)
-    return Ribbon(middle, (left, right), seen, width)
+    return Ribbon((left + right) / 2, (left, right), seen, width)
 
 
 def _half_way(picture: Any, strip: Strip, width: float, start: int, stop: int) -> tuple[int, int]:

@@ -130,7 +130,8 @@ class Eye:
             picture = as_bytes(image)
             line, width = self.last.middle[self.last.seen], self.last.width
             line = brought_to(picture, line, width, self.evidence)
-            ribbon = trace(picture, line, width, self.evidence, place_ends=self.finder.eager)
+            ends = self.finder.eager
+            ribbon = trace(picture, line, width, self.evidence, place_ends=ends, middle=True)
             if ribbon is not None and _goes_on(self.last, ribbon):
                 self.last = ribbon
                 return ribbon.mask(picture.shape)

@@ -20,8 +20,9 @@ from ..way import best_way
 # (x, y), (n, m) each, a row across the device after the other.
 Evidence = Callable[[Any, Floats, Floats], Floats]
 
-# All of these in widths of the device: to either side, beyond either end, a gap within it.
-_SIDE, _BEYOND, _GAP = 2.0, 3.0, 6.0
+# All of these in widths of the device: to either side of a line, of its middle; beyond either end;
+# a gap within it.
+_SIDE, _NEAR_SIDE, _BEYOND, _GAP = 2.0, 1.25, 3.0, 6.0
 ROW, _COLUMN = 1 / 8, 1 / 12  # from row to row, and from column to column
 _RUN = 1.0  # along the run of the line
 _STEEPEST = 2  # columns that the middle may move by from row to row
@@ -74,17 +75,30 @@ class Strip:
 
 
 def straighten(
-    picture: Any, line: Floats, width: float, evidence: Evidence, coarse: int = 1
+    picture: Any,
+    line: Floats,
+    width: float,
+    evidence: Evidence,
+    *,
+    coarse: int = 1,
+    middle: bool = False,
 ) -> Strip:
-    """Straighten a picture along a line; every so many-th row and column of it."""
+    """Straighten a picture along a line; every so many-th row and column of it.
+
+    Where the line is the device's `middle` already, it is not looked for, and less of what lies
+    beside is looked at.
+    """
     size = np.array(picture.shape[1::-1], dtype=float)
-    row, columns = coarse * ROW, round(_SIDE / _COLUMN / coarse)
+    side = _NEAR_SIDE if middle else _SIDE
+    row, columns = coarse * ROW, round(side / _COLUMN / coarse)
     line, normal = _even(line, width, row, size)
-    offset = np.linspace(-_SIDE, _SIDE, 2 * columns + 1) * width
+    offset = np.linspace(-side, side, 2 * columns + 1) * width
     place = line[:, None] + offset[:, None] * normal[:, None]
     within = np.asarray(((place >= -0.5) & (place <= size - 0.5)).all(axis=2))
     like = np.where(within, evidence(picture, place[..., 0], place[..., 1]), 0.0)
-    center = offset[_middle(like, round(columns / _SIDE / 2))]
+    center = np.zeros(len(line))
+    if not middle:
+        center = offset[_middle(like, round(columns / side / 2))]
     inside = (offset >= (center - width / 4)[:, None]) & (offset <= (center + width / 4)[:, None])
     known = inside & within
     row_like = (like * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
@@ -105,7 +119,7 @@ def brought_to(picture: Any, line: Floats, width: float, evidence: Evidence) -> 
     evidence : callable
     """
     for _ in range(_BROUGHT):
-        strip = straighten(picture, line, width, evidence, _COARSE)
+        strip = straighten(picture, line, width, evidence, coarse=_COARSE)
         start, stop = strip.run()
         if stop - start < 8:
             break
