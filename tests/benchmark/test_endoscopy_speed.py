@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereosom import Observation, track
+from stereosom import track
 from stereosom_plugin.endoscopy import read_stereo
 from stereosom_plugin.lens import undistorted_observation
 from stereosom_plugin.polydata import write_vtp
@@ -83,8 +83,8 @@ def test_full_hd_pairs(tmp_path):
             lap("read both films")
             masks = left(pair.image_a), right(pair.image_b)
             lap("segment both eyes")
-            seen = Observation.from_masks(*masks, pair.rig, time=pair.time, index=index)
-            seen = undistorted_observation(seen, masks, acquisition.lenses)
+            lenses, described = acquisition.lenses, {"time": pair.time, "index": index}
+            seen = undistorted_observation(masks, lenses, pair.rig, **described)
             lap("take lens distortion away")
             yield seen
 
