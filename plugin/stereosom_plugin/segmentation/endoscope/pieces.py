@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from stereosom_plugin.errors import require
 
 from ..picture import Mask
-from .frame import Light
+from .frame import Light, over_colors
 
 # Gaps between pieces of one device, as a share of the picture's longer side.
 WIDEST_GAP = 0.035
@@ -86,7 +86,8 @@ def with_highlights(mask: Mask, picture: Light, behind: Light, width: int) -> Ma
         Greatest width of the device, px.
     """
     cv2 = require("cv2", "endoscopy")
-    glares = (picture.min(axis=2) > HIGHLIGHT) & (behind.min(axis=2) <= HIGHLIGHT)
+    darkest, behind = (over_colors(np.minimum, each) for each in (picture, behind))
+    glares = (darkest > HIGHLIGHT) & (behind <= HIGHLIGHT)
     if not glares.any():
         return mask
     reach = max(1, width // 2)
