@@ -17,6 +17,8 @@ _GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(5)
 _SPANS_AT_LEAST = 128
 # So many sets of arc lengths are remembered: place, tangent and curvature are asked for one by one.
 _REMEMBERED = 4
+# Steps of the method that carries frames along, over the whole length, about.
+_FRAME_STEPS = 398
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,8 +225,14 @@ class Backbone:
             Arc lengths, mm, not decreasing.
         """
         s = np.atleast_1d(np.asarray(s, dtype=float))
-        # The method's error falls with the fourth power of the step: take fine ones.
-        fine = np.unique(np.concatenate([self.arc_lengths(400), s]))
+        # The method's error falls with the fourth power of the step: take fine ones, in whole
+        # numbers from the base to the first place, and from each to the next.
+        before = np.concatenate([[0.0], s[:-1]])
+        gaps = s - before
+        pieces = np.ceil(gaps / (self.length / _FRAME_STEPS) - 1e-6).astype(int)
+        within = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        steps = np.repeat(gaps / np.maximum(pieces, 1), pieces)
+        fine = np.append(np.repeat(before, pieces) + within * steps, s[-1])
         points, tangents = self(fine), self.tangent(fine)
         normals = np.empty_like(tangents)
         seed = np.eye(3)[np.argmin(np.abs(tangents[0]))]
@@ -240,7 +248,7 @@ class Backbone:
             moves[apart:] = moves[apart:] @ moves[:-apart]
             apart *= 2
         normals[1:] = moves @ normals[0]
-        at = np.searchsorted(fine, s)
+        at = np.cumsum(pieces)
         return np.stack([tangents[at], normals[at], np.cross(tangents[at], normals[at])], axis=1)
 
     # ---- how arc length is found -----------------------------------------------------

@@ -2,7 +2,8 @@
 
 Two eyes that look the same way see the same line, a little shifted. Where the device runs along
 the epipolar lines, matching by them says nothing; so the depth along one line is taken for a
-polynomial, which leaves no more freedom than the whole of both lines can settle.
+polynomial, which leaves no more freedom than the whole of both lines can settle. A device is as
+thick as it is: where it looks narrower, it is farther away.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ _DEGREES, _STEPS = (0, 1, 2, 3, 4), 6
 _FAR_SHARE, _FAR_PX = 0.05, 4.0
 # Of how little a polynomial's higher terms are taken to matter, as a share of the inverse depth.
 _BENDING = 0.15
+# A width is known to this, px; where it is this many times the middle one, something lies beside
+# the device or before it.
+_WIDTH_PX, _SOUND = 0.25, (0.6, 1.6)
 # Two ends count as much as this share of the line.
 _END_SHARE = 0.05
 
@@ -34,6 +38,7 @@ def sweep_depth(
     rig: StereoRig,
     lines: tuple[Floats, Floats],
     fields: tuple[Floats, Floats],
+    widths: Floats | None = None,
 ) -> Floats:
     """Points in space along the line that view a sees.
 
@@ -45,6 +50,8 @@ def sweep_depth(
     fields : pair of (m, 2) arrays
         Corners of the convex region that each view sees. What lies beyond the other's is not
         expected there.
+    widths : (n,) array, optional
+        Of the device along its line in view a, px (`widths_along`).
 
     Returns
     -------
@@ -60,7 +67,7 @@ def sweep_depth(
     R. T. Collins, "A space-sweep approach to true multi-image matching", CVPR 1996; here the
     planes bend.
     """
-    sweep = _Sweep(rig, lines, fields)
+    sweep = _Sweep(rig, lines, fields, widths)
     baseline = rig.baseline
     inverse = np.linspace(1 / (_FARTHEST * baseline), 1 / (_NEAREST * baseline), _TRIED)
     costs = [sweep.cost(np.array([depth])) for depth in inverse]
@@ -78,7 +85,11 @@ def sweep_depth(
 
 class _Sweep:
     def __init__(
-        self, rig: StereoRig, lines: tuple[Floats, Floats], fields: tuple[Floats, Floats]
+        self,
+        rig: StereoRig,
+        lines: tuple[Floats, Floats],
+        fields: tuple[Floats, Floats],
+        widths: Floats | None,
     ) -> None:
         self.rig, self.fields = rig, fields
         self.here, self.there = (_dense(line) for line in lines)
@@ -91,6 +102,9 @@ class _Sweep:
         self.place = np.linspace(-1, 1, len(self.here))
         length = np.linalg.norm(np.diff(self.here, axis=0), axis=1).sum()
         self.far = max(_FAR_SHARE * length, _FAR_PX)
+        self.uneven = np.zeros((len(_DEGREES), len(_DEGREES)))
+        if widths is not None:
+            self.uneven = _uneven(_dense(np.column_stack([lines[0], widths]))[:, 2], length)
 
     def points(self, coefficients: Floats) -> Floats:
         """In space, for a polynomial of inverse depth, 1/mm."""
@@ -113,14 +127,25 @@ class _Sweep:
         # What view b alone sees, beyond an end that view a's border makes, is no fault.
         ends = np.isin(nearest, [0, len(seen) - 1]) & self._cut_off(nearest)
         back = np.where(ends, 0.0, np.minimum(back, self.far)) ** 2
-        return float(forth.mean() + back.mean())
+        apart = 0.0
+        for end in (0, -1):
+            if (other := self._other_end(end, seen[end])) is not None:
+                apart += _END_SHARE * float(np.sum((other - seen[end]) ** 2))
+        relative = coefficients / coefficients[0]
+        held = relative @ self._held(len(coefficients)) @ relative / len(self.here)
+        return float(forth.mean() + back.mean() + apart + held)
+
+    def _held(self, count: int) -> Floats:
+        """What is known beforehand of so many coefficients, relative to the first, (n, n), px²."""
+        bending = np.full(count, _BENDING**-2)
+        bending[0] = 0
+        return np.diag(bending) + self.uneven[:count, :count]
 
     def refined(self, coefficients: Floats) -> Floats:
         """Gauss-Newton's method on the distances across the line, and between the ends."""
         count = len(coefficients)
         basis = legendre.legvander(self.place, count - 1)
-        held = np.zeros(count)
-        held[1:] = 1 / (_BENDING * abs(coefficients[0])) ** 2
+        held = self._held(count) / coefficients[0] ** 2
         best, least = coefficients, self.cost(coefficients)
         for _ in range(_STEPS):
             points = self.points(coefficients)
@@ -143,10 +168,10 @@ class _Sweep:
                     gap[end], rate[end] = along @ (other - seen[end]), along @ moves[end]
                     weight[end] = _END_SHARE * len(seen)
             weighed = basis * (weight * rate)[:, None]
-            matrix = weighed.T @ (basis * rate[:, None]) + np.diag(held)
+            matrix = weighed.T @ (basis * rate[:, None]) + held
             matrix += 1e-9 * np.trace(matrix) * np.eye(count)
             coefficients = coefficients + np.linalg.solve(
-                matrix, weighed.T @ gap - held * coefficients
+                matrix, weighed.T @ gap - held @ coefficients
             )
             if (cost := self.cost(coefficients)) < least:
                 best, least = coefficients, cost
@@ -168,6 +193,56 @@ class _Sweep:
         return np.asarray(np.where(nearest == 0, first, last))
 
 
+def widths_along(line: Floats, pixels: Floats) -> Floats:
+    """How wide a device is in a picture along its middle line, px; not a number where untold.
+
+    Parameters
+    ----------
+    line : (n, 2) array
+        From end to end, px.
+    pixels : (m, 2) array
+        Of its filled mask.
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid(np.arange(60.0), np.arange(7.0))
+    >>> line = np.array([[0.0, 3.0], [20.0, 3.0], [40.0, 3.0], [59.0, 3.0]])
+    >>> widths_along(line, np.column_stack([x.ravel(), y.ravel()]))[1:3].round()
+    array([7., 7.])
+    """
+    even = _dense(line)
+    step = float(np.linalg.norm(np.diff(even, axis=0), axis=1).mean())
+    held = np.bincount(cKDTree(even).query(pixels)[1], minlength=len(even)).astype(float)
+    # Over a stretch about as long as the device is wide; what lies beyond the ends is theirs.
+    reach = max(1, round(len(pixels) / len(even) / max(step, 1e-9) ** 2))
+    over = np.ones(min(reach, len(even) // 4))
+    summed, count = (np.convolve(each, over, mode="same") for each in (held, np.ones(len(held))))
+    width = summed / np.maximum(count * step, 1e-9)
+    middle, reach = float(np.median(width)), len(over)
+    sound = (width > _SOUND[0] * middle) & (width < _SOUND[1] * middle)
+    sound[:reach] = sound[len(sound) - reach :] = False
+    width = np.where(sound, width, np.nan)
+    return np.asarray(np.interp(_reach_of(line), _reach_of(even), width))
+
+
+def _uneven(widths: Floats, length: float) -> Floats:
+    """What a polynomial of inverse depth costs where it is not in proportion to the widths.
+
+    With w of unit length, (I − w wᵀ) takes from the inverse depths what is in proportion, at
+    whatever thickness; a matrix for the coefficients, of which the first is one, px².
+    """
+    known = np.isfinite(widths)
+    if known.sum() < len(widths) // 4:
+        return np.zeros((len(_DEGREES), len(_DEGREES)))
+    basis = legendre.legvander(np.linspace(-1, 1, len(widths)), len(_DEGREES) - 1)[known]
+    along = widths[known] / np.linalg.norm(widths[known])
+    left = basis - np.outer(along, along @ basis)
+    width = float(np.median(widths[known]))
+    # Neighbors closer than a width share their pixels.
+    independent = min(1.0, length / max(width, 1e-9) / len(widths))
+    return np.asarray(left.T @ left * independent * (width / _WIDTH_PX) ** 2)
+
+
 def _at_border(field: Floats, place: Floats) -> bool:
     """Whether a place lies within a twentieth of the way out of a view's field."""
     middle = field.mean(axis=0)
@@ -175,7 +250,12 @@ def _at_border(field: Floats, place: Floats) -> bool:
 
 
 def _dense(line: Floats, count: int = 200) -> Floats:
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    reach = np.concatenate([[0.0], np.cumsum(steps)])
+    """A line at even steps; a third column goes along."""
+    reach = _reach_of(line[:, :2])
     even = np.linspace(0, reach[-1], count)
     return np.column_stack([np.interp(even, reach, axis) for axis in line.T])
+
+
+def _reach_of(line: Floats) -> Floats:
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])

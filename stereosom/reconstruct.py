@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 from typing import Protocol
 
@@ -15,6 +16,7 @@ from .options import Options
 from .reconstruction import HardFrame, Reconstruction
 from .stereo_som import METHOD as STEREO_SOM
 from .stereo_som import stereo_som
+from .thickness import Thickness
 
 
 class Method(Protocol):
@@ -87,7 +89,8 @@ def track(
 ) -> Iterator[Reconstruction]:
     """Reconstruct a run, one result per observation, each starting from the one before.
 
-    Nothing is kept but the last curve, its motion, and what was tried in vain to better it. Where
+    Nothing is kept but the last curve, its motion, how thick the device is, and what was tried in
+    vain to better it. Where
     a view shows nothing, the curve is carried on for up to ten frames, with status `predicted`
     and an uncertainty that grows; after that it is `lost` until the device is seen again. Where
     the device is not found near where it is expected, it is searched for anew in the whole
@@ -102,6 +105,7 @@ def track(
     """
     given = options or Options()
     motion: Motion | None = None
+    thickness = Thickness()
     for observation in observations:
         start = given.start if motion is None else motion.at(observation.time)
         hidden = _hidden(observation)
@@ -125,9 +129,24 @@ def track(
             if result.ok:
                 result = replace(result, reason=f"lost and found anew: {why}")
             motion = None if result.ok else motion
+        if result.ok and given.prior.radius is None:
+            rig = observation.rig
+            settled = thickness.settled(
+                result, rig, partial(_with_radius, observation, method, followed)
+            )
+            if settled is result:
+                thickness = thickness.after(result, rig)
+            result = settled
         yield result
         if result.ok:
             motion = Motion.after(result, motion)
+
+
+def _with_radius(
+    observation: Observation, method: str, options: Options, radius: float
+) -> Reconstruction:
+    known = replace(options, tried=None, prior=replace(options.prior, radius=radius))
+    return reconstruct(observation, method=method, options=known)
 
 
 def _hidden(observation: Observation) -> str:

@@ -12,7 +12,7 @@ from stereosom.metrics import closest_on_curve
 
 pytest.importorskip("cv2")
 pytest.importorskip("av")
-from stereosom_plugin import segmentation
+from stereosom_plugin import render, segmentation
 from stereosom_plugin.ahead import ahead
 from stereosom_plugin.cli import main
 from stereosom_plugin.endoscopy import read_stereo
@@ -82,6 +82,27 @@ def test_a_film_that_was_begun_goes_on_in_another_process():
         assert np.array_equal(one.pixels_a, other.pixels_a)
         assert np.array_equal(one.pixels_b, other.pixels_b)
     assert np.array_equal(acquisition.read(3)[0], acquisition.read(3)[0])  # and here, too
+
+
+def test_the_overlay_goes_through_the_lens_of_its_eye(tmp_path, monkeypatch):
+    out, made, drawn = tmp_path / "out", render.Overlay.of, []
+    call = [FILM / "left.mp4", FILM / "right.mp4", "--rig", FILM / "calibration.yaml"]
+    words = ["endoscopy", *map(str, call), "--frames", "10:11", "--output", str(out), "--quiet"]
+    assert main(words) == 0
+
+    def watched(*described):
+        drawn.append(made(*described))
+        return drawn[-1]
+
+    monkeypatch.setattr(render.Overlay, "of", watched)
+    picture = str(tmp_path / "over.png")
+    assert main(["render", str(out), "--overlay", "both", "--output", picture]) == 0
+    focal_lengths = [over.lens.intrinsics[0, 0] for over in drawn]
+    assert focal_lengths == [560.0, 562.1]  # the left eye's, and the right one's
+    # The cannula's tip, read off the left picture by eye.
+    assert drawn[0].seen(drawn[0].camera.project(drawn[0].points))[-1] == pytest.approx(
+        (283, 35), abs=4
+    )
 
 
 @pytest.mark.slow

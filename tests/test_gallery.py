@@ -32,7 +32,7 @@ def test_script_draws_the_picture_that_is_shown(name, tmp_path):
 
 def test_the_page_shows_every_script():
     page = (GALLERY / "README.md").read_text("utf-8")
-    assert len(SCRIPTS) == 8
+    assert len(SCRIPTS) == 9
     for name in SCRIPTS:
         assert f"]({name}.py)" in page
         assert f"]({name}.png)" in page

@@ -17,6 +17,7 @@ from stereosom_plugin.lens import (
     undistorted_mask_pixels,
 )
 from stereosom_plugin.lens import mask as undistorting
+from stereosom_plugin.lens.cells import cells_of
 
 K = np.array([[900.0, 0, 630], [0, 910, 500], [0, 0, 1]])
 # k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau x, tau y
@@ -180,10 +181,20 @@ def test_a_mask_is_undistorted_by_cells_as_pixel_by_pixel(lens):
     ring = (away > 280) & (away < 330)  # it leaves the picture below, and has a hole
     thin = np.abs(column - 1200 - 30 * np.sin(row / 40)) < 1
     specks = np.random.default_rng(5).random(ring.shape) > 0.9995
-    for mask in (ring, thin, specks, ring | thin | specks):
-        by_cells = undistorting._by_cells(mask, lens)
+    all_of_them = ring | thin | specks
+    for mask in (ring, thin, specks, all_of_them, all_of_them[:997, :1275]):
+        by_cells = cells_of(lens, mask.shape).undistorted(mask)
         assert by_cells is not None
         assert np.array_equal(by_cells, undistorting._by_pixels(mask, lens))
+
+
+def test_from_frame_to_frame_a_lens_is_asked_no_more(monkeypatch):
+    lens = RadialTangentialLens(K, [-0.25, 0.08, 0, 0, 0])
+    first, second = (seen_disc(lens, (x, 200), 30) for x in (300, 600))
+    undistorted_mask_pixels(first, lens)
+    monkeypatch.delattr(RadialTangentialLens, "_bend")
+    pixels = undistorted_mask_pixels(second, lens)
+    assert pixels.mean(axis=0) == pytest.approx([600, 200], abs=0.2)
 
 
 def test_an_empty_mask_has_no_pixels():

@@ -7,10 +7,12 @@ from PIL import Image
 from stereosom import Observation, StereoRig, reconstruct
 from stereosom.backbone import Backbone
 from stereosom.camera import Camera, triangulate
+from stereosom.depth_sweep import sweep_depth, widths_along
 from stereosom.matching import match_lines, match_monotone
 from stereosom.metrics import closest_on_curve, curve_errors
 from stereosom.middle_line import middle_line
 from stereosom.middle_line.thinning import thin
+from stereosom.observation import picture_border
 from stereosom.refine.start import lift
 
 FOCAL = 888.8888889
@@ -105,6 +107,48 @@ def test_a_device_that_enters_along_the_baseline():
     assert np.abs(off[:, 2]).mean() < 0.6  # 1 % of the working distance
     assert np.linalg.norm(off[:, :2], axis=1).mean() < 0.3
     assert "border" in result.reason
+
+
+@pytest.mark.parametrize("bend", [-6.0, 0.0, 8.0])
+def test_a_device_all_along_an_epipolar_plane_is_as_unsure_as_it_is_wrong(bend):
+    """Rims that run along the epipolar lines say nothing of depth; its end and its widths do."""
+    s = np.linspace(0, 58, 2500)
+    depth = 66 - 0.06 * s + bend * np.sin(s / 30) ** 2
+    points = np.column_stack([44 - s, 0.04 * depth, depth])
+    rig, truth = parallel_rig(5.0, (640, 360), 560.0, (320.0, 180.0)), Backbone.through(points[::5])
+    seen = observed(points, 1.0, rig)
+    assert np.ptp(seen.pixels_a[:, 1]) < 30  # along its line, all of it
+    result = reconstruct(seen)
+    assert result.ok, result.reason
+    s = result.backbone.arc_lengths(50)[2:-2]
+    distance, _ = closest_on_curve(result.backbone(s), truth)
+    sigma = result.standard_deviation_at(s)
+    assert np.mean(distance) < 3
+    assert np.median(sigma) > 0.9  # twice what it is where the rims tell
+    assert np.sqrt(np.mean((distance / sigma) ** 2)) < 2
+
+
+def test_widths_tell_what_is_nearer_where_lines_do_not():
+    u = np.linspace(0, 1, 300)
+    depth = 70 + 8 * np.sin(2 * np.pi * u)
+    points = np.column_stack([(0.45 - 0.7 * u) * depth, np.zeros(300), depth])
+    rig = parallel_rig(5.0, (640, 360), 560.0, (320.0, 180.0))
+    field, noise = picture_border(rig.a), np.random.default_rng(0).normal(0, 0.2, (3, 300))
+    lines = [camera.project(points) for camera in (rig.a, rig.b)]
+    for line, off in zip(lines, noise[1:], strict=True):
+        line[:, 1] += off
+    found = sweep_depth(rig, (lines[0], lines[1]), (field, field), 2 * 560 / depth + noise[0])
+    assert np.abs(found[:, 2] - np.interp(found[:, 0], points[::-1, 0], depth[::-1])).mean() < 3
+
+
+def test_the_width_of_a_device_is_told_where_nothing_lies_beside_it():
+    x, y = np.meshgrid(np.arange(200), np.arange(60))
+    half = 3 + x / 50
+    mask = (np.abs(y - 30) < half) | ((np.abs(x - 120) < 8) & (y > 30))
+    line = np.column_stack([np.linspace(0, 199, 80), np.full(80, 30.0)])
+    width = widths_along(line, np.argwhere(mask)[:, ::-1].astype(float))
+    assert width[[20, 36, 64]] == pytest.approx(2 * (3 + line[[20, 36, 64], 0] / 50), abs=0.7)
+    assert np.isnan(width[[0, 48, 79]]).all()
 
 
 def test_the_film_s_geometry(sample):

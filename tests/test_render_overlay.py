@@ -7,6 +7,7 @@ from scipy.ndimage import binary_erosion, distance_transform_edt
 from stereosom.camera import Camera
 from stereosom.synthetic import arc, converging_rig, silhouette
 from stereosom_plugin import render
+from stereosom_plugin.lens import RadialTangentialLens
 from stereosom_plugin.render.overlay import deviation_px, outlines
 from stereosom_plugin.render.style import SEGMENTED, rgb
 
@@ -61,6 +62,37 @@ def test_an_overlay_of_any_size_keeps_the_line_on_the_device(size):
     # How deep inside the device: everywhere nearly as deep as its axis.
     depth = distance_transform_edt(bare.sum(axis=-1) < 200)
     assert depth[y[middle], x[middle]].min() > 0.4 * depth.max()
+
+
+def test_a_line_is_drawn_through_the_lens_that_took_the_picture():
+    width, height = RIG.a.image_size
+    focal = RIG.a.focal_length
+    k = [[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]]
+    lens = RadialTangentialLens(k, [0, 0, 0, 0.5])
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    at = lens.undistort_where_defined(np.column_stack([x.ravel(), y.ravel()]).astype(float))
+    at = np.rint(np.nan_to_num(at, nan=-1)).astype(int)
+    within = np.all((at >= 0) & (at < (width, height)), axis=1)
+    device = np.zeros(width * height, dtype=bool)
+    device[within] = silhouette(CURVE, 3.0, RIG.a)[at[within, 1], at[within, 0]]
+    picture = np.where(device.reshape(height, width), 0, 255).astype(np.uint8)
+    depth = distance_transform_edt(picture == 0)
+    least = []
+    for through in (lens, None):
+        over = render.Overlay(picture, RIG.a, CURVE.sample(200), color="#ff0000", lens=through)
+        column, row = colored(render.overlaid(over, size=(width, height)), "#ff0000").T
+        middle = (row > row.min() + 20) & (row < row.max() - 20)
+        least.append(depth[row[middle], column[middle]].min() / depth.max())
+    assert least[0] > 0.4
+    assert least[1] < 0.2  # what an ideal camera would have shown lies elsewhere
+
+
+def test_what_a_lens_shows_beyond_the_ideal_picture_is_outlined():
+    pixels = np.argwhere(np.ones((10, 40)))[:, ::-1] + (-20.0, 5.0)
+    (whole,) = outlines(pixels)
+    assert whole[:, 0].min() == -20.5
+    (inside,) = outlines(pixels, (100, 100))
+    assert inside[:, 0].min() == -0.5
 
 
 def test_spread_across_a_projected_line_by_hand():

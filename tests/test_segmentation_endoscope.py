@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from stereosom_plugin.errors import InputError
 
 pytest.importorskip("skimage")
 from stereosom_plugin.segmentation.endoscope import segmenter
+from stereosom_plugin.segmentation.endoscope.ribbon import Ribbon
 
 ROWS = slice(28, 33)
 
@@ -39,6 +41,63 @@ def test_a_known_background_leaves_the_device_in_each_eye():
     assert np.array_equal(right(with_device(tissue(2))), expected())
 
 
+def test_what_the_empty_scene_shows_of_the_device_belongs_to_it():
+    """A robot that is drawn back leaves a stub in the picture; a dark patch is none."""
+    stub = tissue()
+    stub[ROWS, 10:30] = 40, 60, 140
+    stub[20:50, 62:] = 40, 60, 140
+    left, _ = segmenter(background=(stub, stub))
+    seen = with_device(tissue())
+    seen[20:50, 62:] = 40, 60, 140
+    mask = left(seen)
+    assert np.flatnonzero(mask[30]).min() <= 12
+    assert mask.sum() < 1.1 * expected().sum()
+
+
+def test_a_mask_holds_the_pixels_whose_centers_lie_between_the_edges():
+    along = np.linspace(5, 75, 141)
+    rims = [np.column_stack([along, 30 + side * 4.3 + along / 7]) for side in (-1, 1)]
+    ribbon = Ribbon((rims[0] + rims[1]) / 2, (rims[0], rims[1]), np.ones(141, dtype=bool), 8.6)
+    x, y = np.meshgrid(np.arange(80), np.arange(60))
+    between = (np.abs(y - 30 - x / 7) < 4.3) & (x >= 5) & (x <= 75)
+    assert np.array_equal(ribbon.mask((60, 80)), between)
+
+
+def test_a_device_that_swings_by_more_than_its_width_keeps_its_flat_end():
+    row, column = np.indices((240, 320))
+
+    def shown(angle_deg):
+        """A bar of 16 px that comes in from the right, and its pixels."""
+        x, y = 320 - column, row - 120
+        angle = np.deg2rad(angle_deg)
+        along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
+        mask = (np.abs(across) < 8) & (along < 200)
+        noise = np.random.default_rng(1).normal(0, 2, (240, 320, 1))
+        picture = np.where(mask[..., None], [170, 185, 200], [150, 70, 60]) + noise
+        return np.clip(picture, 0, 255).astype(np.uint8), mask
+
+    left, _ = segmenter()
+    for angle in (-5, -3, 4, 12):  # its end moves by up to 28 px
+        picture, mask = shown(angle)
+        assert np.sum(left(picture) ^ mask) < 0.03 * mask.sum()
+
+
+def test_a_rim_that_turns_back_in_a_sharp_bend_leaves_no_hole():
+    turn = np.linspace(np.pi, 2 * np.pi, 60)
+    out, back = np.linspace(10, 30, 40), np.linspace(30, 10, 40)
+    middle = np.column_stack([
+        np.concatenate([np.full(40, 38), 40 + 2 * np.cos(turn), np.full(40, 42)]),
+        np.concatenate([out, 30 - 2 * np.sin(turn), back]),
+    ])  # fmt: skip
+    along = np.gradient(middle, axis=0)
+    normal = np.column_stack([-along[:, 1], along[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    rims = (middle - 4.2 * normal, middle + 4.2 * normal)  # wider than the bend
+    mask = Ribbon(middle, rims, np.ones(140, dtype=bool), 8.4).mask((60, 80))
+    assert np.array_equal(mask, ndimage.binary_fill_holes(mask))
+    assert mask[12:33, 36:45].all()
+
+
 def test_another_exposure_than_the_backgrounds_is_no_device():
     left, _ = segmenter(background=(tissue(), tissue()))
     brighter = np.clip(with_device(tissue()) * 1.2, 0, 255).astype(np.uint8)
@@ -57,6 +116,15 @@ def test_a_highlight_within_the_device_belongs_to_it():
     seen[30, 30:40] = 255
     left, _ = segmenter(color_box=(12, 28, 10, 5), example=with_device(tissue()))
     assert left(seen)[30, 30:40].all()
+
+
+def test_a_white_background_is_no_highlight_of_what_bends_before_it():
+    seen = np.full((120, 160, 3), 255, dtype=np.uint8)
+    seen[40:43, 20:100] = seen[40:80, 97:100] = seen[46:49, 20:90] = 90, 20, 20
+    left, _ = segmenter(width_px=12)
+    mask = left(seen)
+    assert mask[41, 30:90].all()
+    assert not mask[43:46, 20:90].any()
 
 
 @pytest.mark.parametrize(

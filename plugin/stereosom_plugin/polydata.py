@@ -78,6 +78,7 @@ def to_polydata(
         Where the result has no backbone, or fewer than two points are asked for.
     """
     backbone, s = _sampled(result, samples, spacing)
+    arrays = _point_arrays(result, backbone, s)
     points = backbone(s)
     # A closed curve has no chord to compare with.
     chord = float(np.linalg.norm(points[-1] - points[0]))
@@ -93,7 +94,7 @@ def to_polydata(
     }
     if source_uids:
         described["SourceSOPInstanceUID"] = list(source_uids)
-    return make_polydata(points, _point_arrays(result, backbone, s), described)
+    return make_polydata(points, arrays, described)
 
 
 def to_centerline(result: Reconstruction, **described: Any) -> Centerline:
@@ -154,6 +155,7 @@ def _sampled(result: Reconstruction, count: int, spacing: float | None) -> tuple
 
 
 def _point_arrays(result: Reconstruction, backbone: Backbone, s: Floats) -> dict[str, Any]:
+    # The frames are asked for at more places than s: first, so that those are not found twice.
     frames = backbone.frames(s)
     deviation = result.standard_deviation_at(s)
     covariance = result.covariance_at(s).reshape(-1, 9)

@@ -7,7 +7,7 @@ import numpy as np
 from ..arrays import Floats
 from ..backbone import Backbone
 from ..camera import Camera, StereoRig, triangulate
-from ..depth_sweep import sweep_depth
+from ..depth_sweep import sweep_depth, widths_along
 from ..matching import Matching, go_on, match_lines, space_curve
 from ..middle_line import MiddleLine, middle_line
 from ..middle_line.centering import directions
@@ -99,7 +99,8 @@ def swept_curve(seen: Observation) -> Floats:
     """
     assert seen.field_of_view is not None
     lines = middle_line(seen.pixels_a).points, middle_line(seen.pixels_b).points
-    return sweep_depth(seen.rig, lines, seen.field_of_view)
+    widths = widths_along(lines[0], seen.pixels_a)
+    return sweep_depth(seen.rig, lines, seen.field_of_view, widths)
 
 
 def _without_last(curve: Floats, length: float) -> Floats:

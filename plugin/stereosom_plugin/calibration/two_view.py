@@ -27,7 +27,10 @@ def read_two_view(contents: list[Content], settings: Settings) -> Calibration | 
 
     Of the four poses that one F allows, the one is taken that puts the dots before both
     cameras. A fundamental matrix seldom fits the intrinsics to the last pixel: the pose is then
-    refined so that the dots, free of lens distortion, meet their epipolar lines.
+    refined so that the dots meet their epipolar lines.
+
+    It may be that of pixels free of lens distortion or as they are seen; the dots tell which.
+    In the second case the lenses are left out: what is bent by them first would miss its line.
     """
     tree = contents[0].tree
     if contents[0].kind != "json" or not {"left", "right", "fundamental"} <= set(tree):
@@ -50,6 +53,14 @@ def read_two_view(contents: list[Content], settings: Settings) -> Calibration | 
     straight = [
         lens.undistort(seen) if lens else seen for lens, seen in zip(lenses, dots, strict=True)
     ]
+    notes: tuple[str, ...] = ()
+    as_seen, as_straight = (_off_lines(fundamental, each) for each in (dots, straight))
+    if as_seen < as_straight:
+        notes = (
+            f"the fundamental matrix is that of the pixels as seen ({as_seen:.2f} px off the dots, "
+            f"{as_straight:.2f} px where undistorted): the lenses are left out",
+        )
+        lenses, straight = [None, None], dots
     turn, moved = _pose(fundamental, matrices, straight)
     turn, moved = _refined(turn, moved, matrices, straight)
     made = _made(matrices, turn, moved, lenses, settings.image_size)
@@ -57,13 +68,12 @@ def read_two_view(contents: list[Content], settings: Settings) -> Calibration | 
     nearest = np.asarray(KDTree(points).query(points, k=2)[0])[:, 1]
     pitch = float(np.median(nearest))
     before, after = (
-        float(np.median(np.abs(_epipolar_gaps(matrix, straight))))
-        for matrix in (fundamental, made.rigs[0].fundamental)
+        _off_lines(matrix, straight) for matrix in (fundamental, made.rigs[0].fundamental)
     )
-    notes = (
+    notes += (
         f"scaled by {len(points)} dots of {settings.pitch:g} mm pitch, "
         f"which vary by {np.std(nearest) / pitch:.1%}",
-        f"the fundamental matrix leaves the undistorted dots {before:.2f} px off their epipolar "
+        f"the fundamental matrix leaves the dots {before:.2f} px off their epipolar "
         f"lines, the refined pose {after:.2f} px (median)",
     )
     made = _made(matrices, turn, moved * (settings.pitch / pitch), lenses, settings.image_size)
@@ -120,6 +130,11 @@ def _refined(
         return _epipolar_gaps(inverse[1].T @ cross @ r @ inverse[0], dots)
 
     return pose(optimize.least_squares(gaps, np.zeros(6), loss="soft_l1").x)
+
+
+def _off_lines(fundamental: Floats, dots: list[Floats]) -> float:
+    """Median distance of the dots from their epipolar lines, px."""
+    return float(np.median(np.abs(_epipolar_gaps(fundamental, dots))))
 
 
 def _epipolar_gaps(fundamental: Floats, dots: list[Floats]) -> Floats:

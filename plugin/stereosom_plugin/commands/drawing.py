@@ -14,7 +14,7 @@ from stereosom.camera import StereoRig
 
 from .. import masks
 from ..acquisition import Acquisition, Image
-from ..calibration import read_rig
+from ..calibration import read_calibration, read_rig
 from ..centerline import Centerline, read_vtp
 from ..errors import InputError
 from ..output import RECORD, RIG, Row, centerline_path, read_table
@@ -204,7 +204,8 @@ def _open_masks(
         return masks.read_masks(paths[frame], paths[half + frame], rigs[:1]).read(0)
 
     read(0)
-    return Acquisition(read, rigs, np.arange(half, dtype=float))
+    lenses = read_calibration(paths[-1], image_size=rigs[0].a.image_size).lenses
+    return Acquisition(read, rigs, np.arange(half, dtype=float), lenses=lenses)
 
 
 def _open_endoscopy(

@@ -185,7 +185,11 @@ def _overlays(results: Results, arguments: argparse.Namespace) -> Iterator[Any]:
                 image = images[number]
             words += [state] if (state := results.state(frame)) else []
             words += ["outline: segmented"] if arguments.outline else []
-            over = render.Overlay.of(line, image, camera, view, " · ".join(words), seen[number])
+            lenses = results.acquisition.lenses if results.acquisition else None
+            over = render.Overlay.of(
+                line, image, camera, view, " · ".join(words), seen[number],
+                lenses[number] if lenses else None,
+            )  # fmt: skip
             parts.append(render.overlaid(over, size=size, scale_bar=True))
         picture = render.beside(parts) if len(parts) == 2 else parts[0]
         yield render.padded(picture, arguments.size, even=output.suffix.lower() == ".mp4")

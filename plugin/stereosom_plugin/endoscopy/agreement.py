@@ -19,6 +19,9 @@ LEAST_PLACES = 25
 # A calibration fits where half of the places lie this near to their epipolar lines (px, or share
 # of the picture's width), and this share of those before both eyes.
 NEAR_PX, NEAR_SHARE, IN_FRONT = 2.0, 0.003, 0.7
+# Chance partners share no epipolar geometry: beside the eight that any matrix is fitted to, it
+# holds for fewer of them than this.
+_FITTED, _SHARED = 8, 0.5
 _LOOKED_AT = 960  # px; larger pictures are made smaller to be matched
 _RATIO = 0.75  # Lowe's, between the best and the second best partner
 
@@ -90,6 +93,22 @@ def agreement(
         return Agreement(float(np.median(gap)), 0.0, width)
     before = (rig.a.depth(points) > 0) & (rig.b.depth(points) > 0)
     return Agreement(float(np.median(gap)), float(before.mean()), width)
+
+
+def tell_something(places: tuple[Floats, Floats], width: int) -> bool:
+    """Whether places of both pictures, (n, 2) px each, agree on where the eyes stand, anywhere.
+
+    From places that look different from either eye, as where the views are far apart, chance
+    partners are left, and no calibration is to blame for those.
+    """
+    if len(places[0]) < LEAST_PLACES:
+        return False
+    cv2 = require("cv2", "endoscopy")
+    within = max(NEAR_PX, NEAR_SHARE * width)
+    _, kept = cv2.findFundamentalMat(*places, cv2.FM_RANSAC, within, 0.99)
+    if kept is None:
+        return False
+    return int(kept.sum()) - _FITTED >= _SHARED * (len(kept) - _FITTED)
 
 
 def row_gap(places: tuple[Floats, Floats]) -> float:

@@ -13,7 +13,7 @@ from stereosom.arrays import Floats
 from ..acquisition import Acquisition, Image, SourceFrame
 from ..calibration import Calibration, read_calibration
 from ..errors import InputError
-from .agreement import agreement, matched_places, row_gap
+from .agreement import agreement, matched_places, row_gap, tell_something
 from .dicom import ColorFrames, is_dicom, open_dicom
 from .film import Film
 from .layout import LAYOUTS, Layout, apart, eye_size, widened
@@ -208,7 +208,7 @@ def _checked(
     a, b = (np.concatenate([pair[view] for pair in pairs]) for view in (0, 1))
     model, size = found.rigs[0], found.rigs[0].a.image_size
     as_given = agreement(model, found.lenses, (a, b))
-    if as_given.good or not np.isfinite(as_given.gap):
+    if as_given.good or not np.isfinite(as_given.gap) or not tell_something((a, b), size[0]):
         return acquisition
     exchanged = agreement(model, found.lenses, (b, a))
     what = ", ".join(dict.fromkeys(str(path) for path in acquisition.sources[:: max(

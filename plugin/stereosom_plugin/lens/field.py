@@ -37,8 +37,9 @@ def undistorted_field(corners: Floats, lens: Lens, pixels: Any) -> Floats:
     if field is None:
         return np.array(corners)
     middle = field.mean(axis=0)
-    for place, along in _touched(sides, pixels):
-        before, after = lens.undistort_where_defined(np.array([place - along, place + along]))
+    touched = [(place - along, place + along) for place, along in _touched(sides, pixels)]
+    ideal = lens.undistort_where_defined(np.reshape(touched, (-1, 2))).reshape(-1, 2, 2)
+    for before, after in ideal:
         across = np.array([before[1] - after[1], after[0] - before[0]])
         if np.isfinite(across).all():
             inward = across * np.sign(across @ (middle - before))
@@ -64,13 +65,21 @@ def _bent(lens: Lens, corners: tuple[tuple[float, float], ...]) -> Floats | None
 
 def _touched(sides: list[tuple[Floats, Floats]], pixels: Any) -> list[tuple[Floats, Floats]]:
     """Places on the border where the device meets it, and the sides' directions there."""
+    if len(pixels) == 0:
+        return []
     found = []
+    x, y = np.transpose(pixels)
+    left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
+    box = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
     for start, end in sides:
         length = float(np.linalg.norm(end - start))
         if length == 0:
             continue
         along = (end - start) / length
         across = np.array([-along[1], along[0]])
+        away = (box - start) @ across
+        if away.min() > _TOUCHES_PX or away.max() < -_TOUCHES_PX:
+            continue  # of most sides, the box about the device tells so at once
         near = np.abs(pixels @ across - start @ across) <= _TOUCHES_PX
         at = np.sort((pixels[near] - start) @ along)
         groups = np.split(at, np.nonzero(np.diff(at) > 3)[0] + 1) if len(at) else []

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyval
 
 from stereosom.arrays import Floats, check_array
 
@@ -96,6 +97,13 @@ class RadialTangentialLens(Lens):
         return Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6])
 
     @cached_property
+    def _factors(self) -> tuple[Floats, ...]:
+        """Coefficients of both, and of their derivatives."""
+        over, under = self._radial
+        all_four = (over, under, over.deriv(), under.deriv())
+        return tuple(np.asarray(each.coef, dtype=np.float64) for each in all_four)
+
+    @cached_property
     def _greatest_radius(self) -> float:
         """Where the radial part r N(r²)/D(r²) stops growing: beyond it the picture folds back."""
         over, under = self._radial
@@ -118,11 +126,11 @@ class RadialTangentialLens(Lens):
         """Rays (n, 2) as the lens bends them, and the derivatives (n, 2, 2)."""
         _, _, p1, p2 = self._all[:4]
         s1, s2, s3, s4 = self._all[8:12]
-        over, under = self._radial
         x, y = rays.T
         u = x**2 + y**2
-        factor = over(u) / under(u)
-        slope = (over.deriv()(u) - factor * under.deriv()(u)) / under(u)  # of the factor, by r²
+        over, under, over_slope, under_slope = (polyval(u, each) for each in self._factors)
+        factor = over / under
+        slope = (over_slope - factor * under_slope) / under  # of the factor, by r²
         bent = np.column_stack(
             [
                 x * factor + 2 * p1 * x * y + p2 * (u + 2 * x**2) + s1 * u + s2 * u**2,
@@ -146,13 +154,19 @@ class RadialTangentialLens(Lens):
 
     def _radially_undistorted(self, bent: Floats) -> Floats:
         """Invert the radial part alone, by a table of it."""
-        over, under = self._radial
         distance = np.hypot(*bent.T)
         reach = min(self._greatest_radius, 2.0)
-        while reach < min(self._greatest_radius, 1e3) and (
-            reach * over(reach**2) / under(reach**2) < distance.max(initial=0.0)
-        ):
+        radius, shown = _radii(self, reach)
+        while reach < min(self._greatest_radius, 1e3) and shown[-1] < distance.max(initial=0.0):
             reach = min(2 * reach, self._greatest_radius)
-        radius = np.linspace(0, reach * (1 - 1e-9), 2000)
-        start = np.interp(distance, radius * over(radius**2) / under(radius**2), radius)
+            radius, shown = _radii(self, reach)
+        start = np.interp(distance, shown, radius)
         return np.asarray(bent * (start / np.maximum(distance, 1e-12))[:, None])
+
+
+@lru_cache(maxsize=16)
+def _radii(lens: RadialTangentialLens, reach: float) -> tuple[Floats, Floats]:
+    """A table of radii up to a reach, and of those at which the radial part shows them."""
+    over, under = lens._radial
+    radius = np.linspace(0, reach * (1 - 1e-9), 2000)
+    return radius, np.asarray(radius * over(radius**2) / under(radius**2))

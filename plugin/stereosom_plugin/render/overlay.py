@@ -15,6 +15,7 @@ from stereosom.camera import Camera
 from ..acquisition import Image
 from ..centerline import Centerline
 from ..errors import require
+from ..lens import Lens
 from .lettering import Lettering
 from .style import BACKGROUND, SEGMENTED, VIEW_COLORS, Picture, rgb
 from .views import shades
@@ -32,7 +33,6 @@ class Overlay:
     Parameters
     ----------
     image : (rows, columns) or (rows, columns, 3) array
-        Free of lens distortion.
     camera : Camera
     points : (n, 3) array, optional
         The centerline, base to tip, mm; None where the frame has no curve.
@@ -45,6 +45,8 @@ class Overlay:
     deviation : (n,) array, optional
         Standard deviation of the centerline's place across it in this picture, px: a band
         shows two of them.
+    lens : Lens, optional
+        Through which the picture was taken. Default: it is free of lens distortion.
     """
 
     image: Image
@@ -54,6 +56,11 @@ class Overlay:
     segmented: Floats | None = None
     title: str = ""
     deviation: Floats | None = None
+    lens: Lens | None = None
+
+    def seen(self, pixels: Floats) -> Floats:
+        """Pixels (n, 2) of the camera as the picture shows them; not a number beyond the lens."""
+        return pixels if self.lens is None else self.lens.distort_where_defined(pixels)
 
     @classmethod
     def of(
@@ -64,11 +71,12 @@ class Overlay:
         view: str,
         title: str = "",
         segmented: Floats | None = None,
+        lens: Lens | None = None,
     ) -> Overlay:
         """Lay a centerline over the picture of view 'a' or 'b', with what is known of it."""
         color = VIEW_COLORS[view]
         if line is None:
-            return cls(image, camera, None, color, segmented, title)
+            return cls(image, camera, None, color, segmented, title, lens=lens)
         points, deviation = line.backbone.sample(_POINTS), None
         covariance = line.arrays.get("Covariance")
         if covariance is not None and covariance.shape == (len(line.points), 6):
@@ -77,7 +85,7 @@ class Overlay:
             full = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), -1, 0)
             if np.isfinite(full).all():
                 deviation = deviation_px(camera, points, full)
-        return cls(image, camera, points, color, segmented, title, deviation)
+        return cls(image, camera, points, color, segmented, title, deviation, lens)
 
 
 def overlaid(
@@ -102,12 +110,18 @@ def overlaid(
         return np.asarray((at + 0.5) * scale - 0.5 + corner)
 
     if overlay.segmented is not None and len(overlay.segmented):
-        for loop in outlines(overlay.segmented, overlay.camera.image_size):
-            layer.line(pixels(loop), SEGMENTED, 1.6)
+        size_or_all = None if overlay.lens else overlay.camera.image_size
+        for loop in outlines(overlay.segmented, size_or_all):
+            shown = overlay.seen(loop)
+            layer.line(pixels(shown[np.isfinite(shown).all(axis=1)]), SEGMENTED, 1.6)
+    shown = np.empty((0, 2))
     if overlay.points is not None:
-        line = pixels(overlay.camera.project(overlay.points))
+        shown = overlay.seen(overlay.camera.project(overlay.points))
+    known = np.isfinite(shown).all(axis=1)
+    if known.any():
+        line = pixels(shown[known])
         if overlay.deviation is not None:
-            layer.band(line, 2 * scale * overlay.deviation, overlay.color)
+            layer.band(line, 2 * scale * overlay.deviation[known], overlay.color)
         # A light rim keeps the line readable on any background.
         layer.line(line, "#ffffff", 5.0, opacity=0.7)
         layer.line(line, overlay.color, 2.6)
@@ -149,11 +163,15 @@ def padded(picture: Picture, size: tuple[int, int] | None, *, even: bool) -> Pic
     return sheet
 
 
-def outlines(pixels: Floats, size: tuple[int, int]) -> list[Floats]:
-    """Outlines of a set of (n, 2) pixels in a picture of (width, height): (m, 2) each, closed."""
+def outlines(pixels: Floats, size: tuple[int, int] | None = None) -> list[Floats]:
+    """Outlines of a set of (n, 2) pixels, (m, 2) each, closed.
+
+    Of those in a picture of (width, height); through a lens, it may show others as well.
+    """
     column, row = np.round(pixels).astype(int).T
-    inside = (column >= 0) & (row >= 0) & (column < size[0]) & (row < size[1])
-    column, row = column[inside], row[inside]
+    if size is not None:
+        inside = (column >= 0) & (row >= 0) & (column < size[0]) & (row < size[1])
+        column, row = column[inside], row[inside]
     if not len(column):
         return []
     # The box about the pixels is all that has to be searched, with one around it.

@@ -86,8 +86,8 @@ def observe(
                 show(index, pair, mask_a, mask_b)
         except InputError as error:
             described["defect"] = str(error)
-        seen = Observation.from_masks(
-            mask_a, mask_b, rig, time=float(acquisition.times[index]), index=index, **described
-        )
-        lenses = None if seen.defect else acquisition.lenses
-        yield undistorted_observation(seen, (mask_a, mask_b), lenses) if lenses else seen
+        described |= {"time": float(acquisition.times[index]), "index": index}
+        if acquisition.lenses and "defect" not in described:
+            yield undistorted_observation((mask_a, mask_b), acquisition.lenses, rig, **described)
+        else:
+            yield Observation.from_masks(mask_a, mask_b, rig, **described)

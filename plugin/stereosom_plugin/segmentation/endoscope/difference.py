@@ -6,7 +6,7 @@ import numpy as np
 
 from stereosom_plugin.errors import InputError, require
 
-from .frame import Light
+from .frame import Light, over_colors
 
 # Share of the shorter side over which a background is taken for even, and the pixels per side of
 # the small picture on which that is done.
@@ -69,16 +69,16 @@ def difference(picture: Light, background: Light, *, shadows: bool = True) -> Li
             f"{picture.shape[2]}",
             "give the empty scene as the same camera saw it",
         )
-    lit = background.min(axis=2) > 0.05
+    lit = over_colors(np.minimum, background) > 0.05
     gain = np.ones(picture.shape[2], dtype=np.float32)
     if lit.sum() > 100:
         gain = np.median(picture[lit] / background[lit], axis=0)
         gain = np.where((gain > 0.5) & (gain < 2), gain, 1).astype(np.float32)
     expected = background * gain
-    apart = np.abs(picture - expected).max(axis=2)
+    apart = over_colors(np.maximum, np.abs(picture - expected))
     if shadows and picture.shape[2] == 3:
         quotient = (picture + 0.02) / (expected + 0.02)
-        darkest, brightest = quotient.min(axis=2), quotient.max(axis=2)
+        darkest, brightest = (over_colors(f, quotient) for f in (np.minimum, np.maximum))
         shadow = (darkest > DEEPEST_SHADOW) & (brightest < 1) & (brightest - darkest < ALIKE)
         apart[shadow] = 0
     return np.asarray(apart, dtype=np.float32)

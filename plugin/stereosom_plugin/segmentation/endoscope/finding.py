@@ -14,7 +14,7 @@ from .color import DeviceColor
 from .difference import difference, plain_background
 from .frame import Light, light
 from .pieces import device_pixels, with_highlights
-from .ribbon import Evidence, sample
+from .straight import Evidence, sample
 
 # Of the full range of light: what differs from the background at least, and clearly.
 LEAST, CLEAR = 0.08, 0.2
@@ -76,7 +76,7 @@ class Before:
         apart = difference(picture, behind)
         noise = 1.4826 * float(np.median(apart[::2, ::2]))
         low, high = max(LEAST, LEAST_NOISE * noise), max(CLEAR, CLEAR_NOISE * noise)
-        mask = with_highlights(device_pixels(apart, low, high, width), picture, width)
+        mask = with_highlights(device_pixels(apart, low, high, width), picture, behind, width)
         if not mask.any():
             return mask, color_evidence(None)
         return mask, self.learned(picture, mask)
@@ -92,11 +92,14 @@ class Before:
             seen, behind = light(sample(picture, x, y)), sample(background, x, y)
             # Where a thin line goes on, it is no shadow.
             differs = np.clip(difference(seen, behind, shadows=False) / LEAST - 1, -1, 1)
+            like_it = _likeness(color, seen)
             # Before what has its own color, a device may make no difference, and its color proves
-            # none: a difference alone is evidence there.
+            # none, unless it has both sides there: the stub that the empty scene shows as well.
             alike = np.clip(_likeness(color, behind), 0, 1)
-            both_say = (differs + _likeness(color, seen)) / 2
-            return np.asarray((1 - alike) * both_say + alike * np.maximum(differs, 0))
+            narrow = np.mean(like_it < 0, axis=1, keepdims=True) > 0.5
+            unchanged = np.where(narrow, np.clip(like_it / 2, 0, 1), 0)
+            both_say = (differs + like_it) / 2
+            return np.asarray((1 - alike) * both_say + alike * np.maximum(differs, unchanged))
 
         return both
 
@@ -120,7 +123,8 @@ def _likeness(color: DeviceColor, seen: Light) -> Floats:
 def _of_color(color: DeviceColor, picture: Light, width_px: float | None) -> Mask:
     width = greatest_width(picture, width_px)
     likely = np.maximum(color(picture), 0)
-    return with_highlights(device_pixels(likely, LIKELY, VERY_LIKELY, width), picture, width)
+    mask = device_pixels(likely, LIKELY, VERY_LIKELY, width)
+    return with_highlights(mask, picture, plain_background(picture), width)
 
 
 def greatest_width(picture: Light, width_px: float | None) -> int:

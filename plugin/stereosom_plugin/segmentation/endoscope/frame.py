@@ -53,6 +53,20 @@ def light(image: Any, name: str = "picture") -> Light:
     return picture
 
 
+def over_colors(function: np.ufunc, picture: Light) -> Light:
+    """Least or largest color of each pixel, (rows, columns): color by color, a tenth of the time.
+
+    Examples
+    --------
+    >>> over_colors(np.minimum, np.array([[[0.5, 0.25, 0.75]]], dtype=np.float32)).tolist()
+    [[0.25]]
+    """
+    found = picture[..., 0].copy()
+    for channel in range(1, picture.shape[-1]):
+        function(found, picture[..., channel], out=found)
+    return found
+
+
 def as_bytes(image: Any) -> npt.NDArray[np.uint8]:
     """Return a picture as bytes, (rows, columns, 1 or 3); no copy where it is that already.
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from stereosom_plugin.errors import require
 
 from ..picture import Mask
-from .frame import Light
+from .frame import Light, over_colors
 
 # Gaps between pieces of one device, as a share of the picture's longer side.
 WIDEST_GAP = 0.035
@@ -74,18 +74,20 @@ def longest_group(mask: Mask) -> Mask:
     return np.asarray(np.isin(labels, kept))
 
 
-def with_highlights(mask: Mask, picture: Light, width: int) -> Mask:
-    """Add what glares between pixels of the device, and fill what it encloses.
+def with_highlights(mask: Mask, picture: Light, behind: Light, width: int) -> Mask:
+    """Add what glares between pixels of the device, unless what is behind it glares as well.
 
     Parameters
     ----------
     mask : (rows, columns) array of bool
-    picture : (rows, columns, channels) array
+    picture, behind : (rows, columns, channels) array
+        With the device, and what is behind it.
     width : int
         Greatest width of the device, px.
     """
     cv2 = require("cv2", "endoscopy")
-    glares = picture.min(axis=2) > HIGHLIGHT
+    darkest, behind = (over_colors(np.minimum, each) for each in (picture, behind))
+    glares = (darkest > HIGHLIGHT) & (behind <= HIGHLIGHT)
     if not glares.any():
         return mask
     reach = max(1, width // 2)

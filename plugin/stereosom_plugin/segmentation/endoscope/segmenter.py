@@ -17,13 +17,14 @@ from .color import Box, DeviceColor, Stroke, in_box, on_stroke
 from .edges import edge_mask
 from .finding import Before, ByColor, Finder
 from .frame import as_bytes, light
-from .ribbon import Evidence, Ribbon, trace
+from .ribbon import Ribbon, trace
+from .straight import Evidence, brought_to
 
 # A whole search learns the device's color anew, from what it found the time before, so often at
 # most, and as long as what is found becomes longer by more than this.
 _LEARNED, _LONGER = 6, 1.01
 # A narrower device has edges that are not told apart by straightening it, px.
-_NARROW_PX = 4.0
+_NARROW_PX = 3.0
 # Share of its length and width that a device keeps from one frame to the next.
 _KEPT = 0.7
 
@@ -127,13 +128,10 @@ class Eye:
         """The mask of a picture."""
         if self.last is not None and self.evidence is not None:
             picture = as_bytes(image)
-            ribbon = trace(
-                picture,
-                self.last.middle[self.last.seen],
-                self.last.width,
-                self.evidence,
-                place_ends=self.finder.eager,
-            )
+            line, width = self.last.middle[self.last.seen], self.last.width
+            line = brought_to(picture, line, width, self.evidence)
+            ends = self.finder.eager
+            ribbon = trace(picture, line, width, self.evidence, place_ends=ends, middle=True)
             if ribbon is not None and _goes_on(self.last, ribbon):
                 self.last = ribbon
                 return ribbon.mask(picture.shape)
