@@ -30,6 +30,8 @@ _CUT_OFF = 2.5
 _SETTLED_PX, _FOLLOWED_PX = 0.05, 0.15
 # An odd end is tried otherwise so often, as long as that costs so much less than before.
 _TRIES, _BETTER = 4, 0.9
+# Which way an end bends that a view looks along is told by so little.
+_TOLD = 0.99
 # Which way the end of a narrower device bends, of such a half width, is not told, px.
 _NARROW_PX = 2.0
 # A flat end is as large in the picture as half a ball from so many radii behind it: π / 4.
@@ -194,7 +196,7 @@ class TubeSearch:
                         start, before.radius, FROM_CLOSE,
                         capped=before.tube.capped, settled_px=_FOLLOWED_PX,
                     )  # fmt: skip
-                    fit = other if other.cost < _BETTER * fit.cost else fit
+                    fit = other if other.cost < _TOLD * fit.cost else fit
         return fit
 
     def _with_better_ends(self, fit: TubeFit) -> TubeFit:
@@ -213,7 +215,7 @@ class TubeSearch:
                 start, capped = _other_shape(fit.tube, end)
                 with suppress(HardFrame):
                     other = self._fit(start, fit.radius, FROM_CLOSE, capped=capped)
-                    fit = min(fit, other, key=_cost)
+                    fit = fit if other.odd_ends[end] else min(fit, other, key=_cost)
         return fit
 
     def _other_end(self, fit: TubeFit, end: int) -> TubeFit:
@@ -239,8 +241,8 @@ class TubeSearch:
         for _, start, ends in begins:
             with suppress(HardFrame):
                 other = self._fit(start, fit.radius, FROM_CLOSE, capped=ends)
-                # Another shape must fit better, and not only look less odd.
-                if ends == capped or other.cost < best.cost:
+                # Another shape must fit better, and leave nothing odd.
+                if ends == capped or (other.cost < best.cost and not other.odd_ends[end]):
                     best = min(best, other, key=price)
             if not best.odd_ends[end]:
                 break
