@@ -42,7 +42,7 @@ _SHAPE_PX = 4.0
 # An odd end costs so many times as much as one that is not.
 _ODD_PRICE = 1.2
 # What was tried in vain is tried again where a fit costs so many times what it did then.
-_WORSE = 2
+_WORSE = 1.25
 # A fit that misses so much of its outline, in half widths, or so many of the edges, as a share,
 # may follow something else than the device.
 _MISSED, _STRAY = 6.0, 0.05
