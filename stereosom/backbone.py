@@ -17,7 +17,8 @@ _GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(5)
 _SPANS_AT_LEAST = 128
 # So many sets of arc lengths are remembered: place, tangent and curvature are asked for one by one.
 _REMEMBERED = 4
-# Steps of the method that carries frames along, over the whole length, about.
+# Steps of the method that carries frames along, over the whole length, about: two between each
+# pair of the 200 points that files hold.
 _FRAME_STEPS = 398
 
 

@@ -90,11 +90,10 @@ def track(
     """Reconstruct a run, one result per observation, each starting from the one before.
 
     Nothing is kept but the last curve, its motion, how thick the device is, and what was tried in
-    vain to better it. Where
-    a view shows nothing, the curve is carried on for up to ten frames, with status `predicted`
-    and an uncertainty that grows; after that it is `lost` until the device is seen again. Where
-    the device is not found near where it is expected, it is searched for anew in the whole
-    picture, and the result says so.
+    vain to better it. Where a view shows nothing, the curve is carried on for up to ten frames,
+    with status `predicted` and an uncertainty that grows; after that it is `lost` until the device
+    is seen again. Where the device is not found near where it is expected, it is searched for anew
+    in the whole picture, and the result says so.
 
     Parameters
     ----------

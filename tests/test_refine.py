@@ -654,7 +654,7 @@ def test_steps_in_a_picture_and_points_at_even_steps():
 @pytest.fixture
 def without_numba(monkeypatch):
     choice.kernels.cache_clear()
-    monkeypatch.setattr(choice, "find_spec", lambda name: None)
+    monkeypatch.setattr("stereosom.loops.find_spec", lambda name: None)
     yield
     monkeypatch.undo()
     choice.kernels.cache_clear()

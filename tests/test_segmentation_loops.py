@@ -132,7 +132,7 @@ def test_without_numba_numpy_does(monkeypatch):
     assert loops() is compiled
     loops.cache_clear()
     with monkeypatch.context() as patch:
-        patch.setattr("stereosom_plugin.segmentation.loops.find_spec", lambda name: None)
+        patch.setattr("stereosom.loops.find_spec", lambda name: None)
         without = loops()
     loops.cache_clear()
     assert without is reference

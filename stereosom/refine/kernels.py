@@ -1,21 +1,14 @@
-"""The inner loops: compiled where numba is installed, else in plain numpy."""
+"""The inner loops of the fit."""
 
 from __future__ import annotations
 
 from functools import cache
-from importlib.util import find_spec
 from types import ModuleType
+
+from ..loops import fastest
 
 
 @cache
 def kernels() -> ModuleType:
-    """`compiled` or `reference`; made at first use, because importing numba takes a second."""
-    from . import reference
-
-    if find_spec("numba") is None:
-        return reference
-    try:
-        from . import compiled
-    except RuntimeError:  # numba's, where no folder is left to keep compiled code in
-        return reference
-    return compiled
+    """`compiled` where numba is installed, else `reference`."""
+    return fastest(__package__)

@@ -1,12 +1,13 @@
-"""The inner loops of segmentation: compiled where numba is installed, else in plain numpy."""
+"""The inner loops of segmentation."""
 
 from __future__ import annotations
 
 from functools import cache
-from importlib.util import find_spec
 from types import ModuleType
 
 import numpy as np
+
+from stereosom.loops import fastest
 
 
 def bring_up() -> None:
@@ -16,13 +17,5 @@ def bring_up() -> None:
 
 @cache
 def loops() -> ModuleType:
-    """`compiled` or `reference`; made at first use, because importing numba takes a second."""
-    from . import reference
-
-    if find_spec("numba") is None:
-        return reference
-    try:
-        from . import compiled
-    except RuntimeError:  # numba's, where no folder is left to keep compiled code in
-        return reference
-    return compiled
+    """`compiled` where numba is installed, else `reference`."""
+    return fastest(__name__)
