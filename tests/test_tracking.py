@@ -10,7 +10,7 @@ from stereosom import Observation, Options, Prior, reconstruct, track
 from stereosom.backbone import Backbone
 from stereosom.metrics import curve_errors, distance_to_curve
 from stereosom.motion import Motion
-from stereosom.refine import search
+from stereosom.refine import odd_ends, search
 from stereosom.synthetic import converging_rig, growing_helix, observe
 
 RIG = converging_rig(45, focal_length=1200, image_size=(512, 384))
@@ -275,8 +275,8 @@ def test_what_was_tried_in_vain_is_not_tried_in_every_frame(run, monkeypatch):
 
 def test_rounded_ends_are_found_once_in_a_run(monkeypatch):
     rig, shaped, per_frame = converging_rig(60), [], []
-    other = search._other_shape
-    monkeypatch.setattr(search, "_other_shape", lambda *a: shaped.append(0) or other(*a))
+    other = odd_ends._other_shape
+    monkeypatch.setattr(odd_ends, "_other_shape", lambda *a: shaped.append(0) or other(*a))
     shapes = [growing_helix(200 + 0.5 * k, 110, 1.0) for k in range(6)]
     run = [observe(shape, 3.2, rig, time=k / 30) for k, shape in enumerate(shapes)]
     for shape, result in zip(shapes, track(run), strict=True):

@@ -1,4 +1,4 @@
-"""Where a fit begins, and what is tried where it ends oddly."""
+"""Where a fit begins, and what of it the next frame need not try."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ from ..entering import eyes_alike
 from ..observation import Observation, View
 from ..reconstruction import HardFrame, Tried
 from .contour import Contour, mask_contour
-from .fit import FROM_AFAR, FROM_CLOSE, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
+from .fit import FROM_AFAR, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 from .kernels import kernels
-from .look import Tube
-from .reach import bent_in_depth, looked_along, moved_end, other_ends
+from .odd_ends import nearer_or_farther, with_better_ends
 from .reference import FLAT, OPEN, ROUND
 from .start import first_curve, matched_curve
 
@@ -26,21 +25,11 @@ from .start import first_curve, matched_curve
 _SAMPLES = 121
 # Pixels of a mask this near to the border of the view are cut off there, and show no edge, px.
 _CUT_OFF = 2.5
-# Where steps get smaller than this, px, a fit from afar ends, and one that is followed.
-_SETTLED_PX, _FOLLOWED_PX = 0.05, 0.15
-# An odd end is tried otherwise so often, as long as that costs so much less than before.
-_TRIES, _BETTER = 4, 0.9
-# Which way an end bends that a view looks along is told by so little.
-_TOLD = 0.99
-# Which way the end of a narrower device bends, of such a half width, is not told, px.
-_NARROW_PX = 2.0
-# A flat end is as large in the picture as half a ball from so many radii behind it: π / 4.
-_HALF_BALL = np.pi / 4
+# Where steps get smaller than this, px, the fit of a device that is followed ends.
+_FOLLOWED_PX = 0.15
 _NEITHER = (False, False)
-# The shape of an end is told where a device has at least such a half width, px.
-_SHAPE_PX = 4.0
-# An odd end costs so many times as much as one that is not.
-_ODD_PRICE = 1.2
+# A fit elsewhere is worth leaving what was followed where it costs so much less.
+_BETTER = 0.9
 # What was tried in vain is tried again where a fit costs so many times what it did then.
 _WORSE = 1.25
 # A fit that misses so much of its outline, in half widths, or so many of the edges, as a share,
@@ -112,7 +101,7 @@ class TubeSearch:
                 break
         if not fits:
             raise refused or HardFrame("the two views do not show the same device")
-        return self._with_better_ends(min(fits, key=_cost))
+        return with_better_ends(self.seen.rig, min(fits, key=_cost), self._fit)
 
     def near(self, start: Backbone, tried: Tried | None) -> tuple[TubeFit, Tried | None]:
         """Fit from where the device is expected; anywhere, where it does not seem to be there.
@@ -128,7 +117,7 @@ class TubeSearch:
         capped = self._capped(curve, radius, tried.round_ends if tried else _NEITHER)
         fit = self._fit(curve, radius, gates, capped=capped, settled_px=_FOLLOWED_PX)
         if not eyes_alike(self.seen.rig):
-            fit = self._nearer_or_farther(fit)
+            fit = nearer_or_farther(self.seen.rig, fit, self._fit, _FOLLOWED_PX)
         if _as_good(fit, tried):
             return fit, tried
         odd = fit.odd_ends
@@ -137,11 +126,10 @@ class TubeSearch:
                 fit = min(fit, self._fit(curve, radius, FROM_NEAR, capped=capped), key=_cost)
             if _as_good(fit, tried):
                 return fit, tried
-        fit = self._with_better_ends(fit)
+        fit = with_better_ends(self.seen.rig, fit, self._fit)
         if _doubtful(fit):
             with suppress(HardFrame):
                 other = self.anywhere(curve if eyes_alike(self.seen.rig) else None)
-                # As good a fit elsewhere is no reason to leave what was followed.
                 fit = other if other.cost < _BETTER * fit.cost else fit
         odd = (odd[0] or fit.odd_ends[0], odd[1] or fit.odd_ends[1])
         rounded = (fit.tube.capped[0] == ROUND, fit.tube.capped[1] == ROUND)
@@ -179,82 +167,6 @@ class TubeSearch:
                     opened[end] |= near < 1.5 * width[end] + 3
         base, tip = np.where(opened, OPEN, np.where(rounded, ROUND, FLAT)).tolist()
         return base, tip
-
-    def _nearer_or_farther(self, fit: TubeFit) -> TubeFit:
-        """A fit, or one whose ends bend otherwise where a view looks along them, if much better.
-
-        Such an end may look right as it is: which way it bends is told by little.
-        """
-        for end in (0, 1):
-            narrow = min(look.half_width for look in fit.looks) < _NARROW_PX
-            if not fit.tube.capped[end] or narrow or not looked_along(self.seen.rig, fit.tube, end):
-                continue
-            before = fit
-            for start in bent_in_depth(self.seen.rig, before.tube, end, (1.0, -1.0)):
-                with suppress(HardFrame):
-                    other = self._fit(
-                        start, before.radius, FROM_CLOSE,
-                        capped=before.tube.capped, settled_px=_FOLLOWED_PX,
-                    )  # fmt: skip
-                    fit = other if other.cost < _TOLD * fit.cost else fit
-        return fit
-
-    def _with_better_ends(self, fit: TubeFit) -> TubeFit:
-        """The best of fits that begin with an odd end otherwise."""
-        for end in (0, 1):
-            for _ in range(_TRIES):
-                if not fit.odd_ends[end]:
-                    break
-                before = fit
-                fit = self._other_end(fit, end)
-                if fit.cost > _BETTER * before.cost:
-                    break
-        # Where one end is rounded, the other mostly is.
-        for end in (0, 1):
-            if fit.tube.capped[end] == FLAT and fit.tube.capped[1 - end] == ROUND:
-                start, capped = _other_shape(fit.tube, end)
-                with suppress(HardFrame):
-                    other = self._fit(start, fit.radius, FROM_CLOSE, capped=capped)
-                    fit = fit if other.odd_ends[end] else min(fit, other, key=_cost)
-        return fit
-
-    def _other_end(self, fit: TubeFit, end: int) -> TubeFit:
-        """The best of what is tried for an end, up to the first that is not odd.
-
-        An end as it should be is worth a slightly higher cost elsewhere.
-        """
-
-        def price(other: TubeFit) -> float:
-            return other.cost * (_ODD_PRICE if other.odd_ends[end] else 1.0)
-
-        best, capped = fit, fit.tube.capped
-        begins = []
-        for start in other_ends(self.seen.rig, fit.tube, fit.looks, end):
-            with suppress(HardFrame):
-                looked = self._fit(start, fit.radius, FROM_CLOSE, passes=0, capped=capped)
-                begins.append((price(looked), start, capped))
-                best = min(best, looked, key=price)
-        # What looks best already is fitted first; then, whatever it looks like, the other shape.
-        begins.sort(key=lambda begin: begin[0])
-        if min(look.half_width for look in fit.looks) > _SHAPE_PX:
-            begins.insert(1, (0.0, *_other_shape(fit.tube, end)))
-        for _, start, ends in begins:
-            with suppress(HardFrame):
-                other = self._fit(start, fit.radius, FROM_CLOSE, capped=ends)
-                # Another shape must fit better, and leave nothing odd.
-                if ends == capped or (other.cost < best.cost and not other.odd_ends[end]):
-                    best = min(best, other, key=price)
-            if not best.odd_ends[end]:
-                break
-        return best
-
-
-def _other_shape(tube: Tube, end: int) -> tuple[Floats, tuple[int, int]]:
-    """A tube's curve (n, 3) and its ends where a flat one is rounded, or the other way round."""
-    flat = tube.capped[end] == FLAT
-    shape = ROUND if flat else FLAT
-    start = moved_end(tube, end, -_HALF_BALL if flat else _HALF_BALL)
-    return start, (shape, tube.capped[1]) if end == 0 else (tube.capped[0], shape)
 
 
 def _cost(fit: TubeFit) -> float:
