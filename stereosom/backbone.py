@@ -9,14 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 
+from .arc_length import ArcLength
 from .arrays import Floats, check_array
 from .refine.kernels import kernels
 
-# Nodes and weights on [-1, 1]; five points integrate the speed of a short span to 1e-12.
-_GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(5)
-_SPANS_AT_LEAST = 128
-# So many sets of arc lengths are remembered: place, tangent and curvature are asked for one by one.
-_REMEMBERED = 4
 # Steps of the method that carries frames along, over the whole length, about: two between each
 # pair of the 200 points that files hold.
 _FRAME_STEPS = 398
@@ -127,7 +123,7 @@ class Backbone:
 
     def between(self, start: float, stop: float) -> Backbone:
         """The stretch from arc length `start` to `stop`, mm: the same spline, cut there."""
-        spline, cuts, degree = self._spline, self._parameter([start, stop]), self.degree
+        spline, cuts, degree = self._spline, self._arc_length.parameter([start, stop]), self.degree
         for cut in cuts:
             missing = degree - np.count_nonzero(spline.t == cut)
             spline = spline.insert_knot(cut, missing) if missing > 0 else spline
@@ -146,7 +142,7 @@ class Backbone:
     @property
     def length(self) -> float:
         """Arc length from base to tip, mm."""
-        return float(self._table[1][-1])
+        return self._arc_length.total
 
     def arc_lengths(self, count: int) -> Floats:
         """`count` equally spaced arc lengths from 0 to `length`, mm."""
@@ -160,7 +156,7 @@ class Backbone:
         ValueError
             Where `s` lies outside the curve.
         """
-        return np.asarray(self._spline(self._parameter(s)))
+        return np.asarray(self._spline(self._arc_length.parameter(s)))
 
     def sample(self, count: int) -> Floats:
         """`count` points at equal steps of arc length, (count, 3), mm."""
@@ -252,7 +248,7 @@ class Backbone:
         at = np.cumsum(pieces)
         return np.stack([tangents[at], normals[at], np.cross(tangents[at], normals[at])], axis=1)
 
-    # ---- how arc length is found -----------------------------------------------------
+    # ---- the spline ------------------------------------------------------------------
 
     @cached_property
     def _spline(self) -> BSpline[np.float64]:
@@ -260,62 +256,11 @@ class Backbone:
         return BSpline.construct_fast(self.knots, self.coefficients, self.degree, extrapolate=False)
 
     @cached_property
-    def _table(self) -> tuple[Floats, Floats, Floats]:
-        """Spline parameters, the arc length at each, and their slope over it: a fine table."""
-        start, stop = self.knots[self.degree], self.knots[-self.degree - 1]
-        spans = np.unique(self.knots[(self.knots >= start) & (self.knots <= stop)])
-        pieces = -(-_SPANS_AT_LEAST // (len(spans) - 1)) + 1
-        inner = np.linspace(spans[:-1], spans[1:], pieces, endpoint=False).T.ravel()
-        parameter = np.append(inner, spans[-1])
-        steps = self._length_between(parameter[:-1], parameter[1:])
-        arc_length = np.concatenate([[0.0], np.cumsum(steps)])
-        return parameter, arc_length, 1 / np.maximum(self._speed(parameter), 1e-300)
-
-    def _speed(self, parameter: Floats) -> Floats:
-        velocity = self._spline(parameter, nu=1)
-        return np.asarray(np.sqrt(np.einsum("...i,...i", velocity, velocity)))
-
-    def _length_between(self, start: Floats, stop: Floats) -> Floats:
-        half, middle = (stop - start) / 2, (stop + start) / 2
-        nodes = middle[:, None] + half[:, None] * _GAUSS_NODES
-        return np.asarray(half * (self._speed(nodes.ravel()).reshape(nodes.shape) @ _GAUSS_WEIGHTS))
-
-    def _parameter(self, s: Any) -> Floats:
-        """Spline parameters at arc lengths, by Newton steps from the table."""
-        s = np.asarray(s, dtype=float)
-        slack = 1e-9 * self.length
-        if np.any((s < -slack) | (s > self.length + slack)) or not np.isfinite(s).all():
-            raise ValueError(f"arc length: must lie between 0 and {self.length:g} mm")
-        asked: list[tuple[Floats, Floats]] = self.__dict__.get("_asked", [])
-        for lengths, known in asked:
-            if np.array_equal(lengths, s):
-                return known
-        nodes, arc_length, slope = self._table
-        wanted = np.clip(np.atleast_1d(s), 0.0, self.length)
-        span = np.clip(np.searchsorted(arc_length, wanted, side="right") - 1, 0, len(nodes) - 2)
-        # Begun by Hermite's cubic through the table; where the curve is smooth, a step or two do.
-        step = arc_length[span + 1] - arc_length[span]
-        share = (wanted - arc_length[span]) / np.maximum(step, 1e-300)
-        parameter = (1 - share) ** 2 * (
-            (1 + 2 * share) * nodes[span] + share * step * slope[span]
-        ) + share**2 * ((3 - 2 * share) * nodes[span + 1] - (1 - share) * step * slope[span + 1])
-        parameter = np.clip(parameter, nodes[span], nodes[span + 1])
-        for _ in range(4):
-            reached = arc_length[span] + self._length_between(nodes[span], parameter)
-            missing = wanted - reached
-            if np.abs(missing).max(initial=0.0) < 1e-11 * self.length:
-                break
-            # A speed near zero (a cusp) must not throw the step out of its span.
-            speed = np.maximum(self._speed(parameter), 1e-9 * self.length)
-            parameter = parameter + missing / speed
-            parameter = np.clip(parameter, nodes[span], nodes[span + 1])
-        parameter = parameter.reshape(s.shape)
-        # A list of its own, so that another thread may look through the one before.
-        self.__dict__["_asked"] = [(s.copy(), parameter), *asked[: _REMEMBERED - 1]]
-        return np.asarray(parameter)
+    def _arc_length(self) -> ArcLength:
+        return ArcLength(self._spline)
 
     def _derivative(self, s: Any, order: int) -> Floats:
-        parameter = self._parameter(s)
+        parameter = self._arc_length.parameter(s)
         if order > self.degree:
             return np.zeros((*parameter.shape, 3))
         return np.asarray(self._spline(parameter, nu=order))
