@@ -28,8 +28,9 @@ from .uncertainty import covariance_along, noise_variance
 # then the spread of the residuals decides.
 FROM_AFAR = (40.0, 20.0, 12.0, 8.0, 4.0)
 FROM_NEAR = (14.0, 12.0, 8.0, 4.0)
-FROM_CLOSE = (6.0, 4.0)
 ON_TRACK = (7.0,)
+# A curve whose ends may be tilted right already: they tell how it runs at once.
+AS_BEGUN: tuple[float, ...] = ()
 # No gate is wider than so many widths of the device.
 _WIDEST_GATE = 2.0
 # At this gate the ends are placed anew, and at this one it is settled which view shows them.
@@ -100,16 +101,17 @@ class TubeFit:
     @cached_property
     def odd_ends(self) -> tuple[bool, bool]:
         """Whether the flat end at the base, and at the tip, is seen worse than all the rest."""
-        return self._end_is_odd(0), self._end_is_odd(1)
+        return self.end_is_odd(0), self.end_is_odd(1)
 
-    def _end_is_odd(self, end: int) -> bool:
+    def end_is_odd(self, end: int, times: float = _ODD) -> bool:
+        """Whether a flat end has so many times the squared residuals that all edges have."""
         if not self.tube.capped[end]:
             return False
         for look in self.looks:
             unseen = not look.cap_seen[end] and look.half_width > _NARROW_PX
             weight, _, squares = (sums[2 + end] for sums in look.sums)
             beside = look.stray_at_ends[end] > _BESIDE * look.half_width + _BESIDE_PX
-            if unseen or beside or squares > _ODD * look.spread * weight + _ODD_PX2:
+            if unseen or beside or squares > times * look.spread * weight + _ODD_PX2:
                 return True
         return False
 
@@ -185,7 +187,7 @@ def fit_tube(
         # Seen nearly edge-on, a disc tilted to either side looks the same: until the curve is
         # near, its rims alone say how it runs.
         caps_turn = gate is None or gate <= _TURNING
-        anew = number <= len(gates) and (number or len(gates) > 1)
+        anew = number <= max(len(gates), 1) and (number or len(gates) > 1)
         moved, grown, farthest, stiffness = kernels().step(
             basis.values, basis.slopes, basis.first, roughness,
             control, tube.speed, tube.tangents,

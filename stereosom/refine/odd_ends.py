@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
 from ..arrays import Floats
 from ..camera import StereoRig
 from ..reconstruction import HardFrame
-from .fit import FROM_CLOSE, TubeFit
+from .contour import Contour
+from .end_piece import EndPiece
+from .fit import AS_BEGUN, TubeFit
 from .look import Tube
 from .reach import bent_in_depth, looked_along, moved_end, other_ends
 from .reference import FLAT, ROUND
 
-# Fits a curve (n, 3), mm, to the same edges: refit(curve, radius, gates, **details of fit_tube).
+# Fits a curve (n, 3), mm, to all edges: refit(curve, radius, gates, **details of fit_tube).
 Refit = Callable[..., TubeFit]
+Edges = tuple[Contour, Contour]
 
 # An odd end is tried otherwise so often, as long as that costs so much less than before.
 _TRIES, _BETTER = 4, 0.9
+# No more is tried for an end whose squared residuals are less than so many times those of all.
+_CLEAR = 1.5
 # Which way an end bends that a view looks along is told by so little.
 _TOLD = 0.99
 # Which way the end of a narrower device bends, of such a half width, is not told, px.
@@ -32,35 +38,45 @@ _SHAPE_PX = 4.0
 _ODD_PRICE = 1.2
 
 
-def nearer_or_farther(rig: StereoRig, fit: TubeFit, refit: Refit, settled_px: float) -> TubeFit:
+def nearer_or_farther(
+    rig: StereoRig, fit: TubeFit, edges: Edges, refit: Refit, settled_px: float
+) -> TubeFit:
     """A fit, or one whose ends bend otherwise where a view looks along them, if better.
 
     Such an end may look right as it is: which way it bends is told by little. A step smaller than
     `settled_px` ends a fit.
     """
     for end in (0, 1):
+        shape = fit.tube.capped[end]
         narrow = min(look.half_width for look in fit.looks) < _NARROW_PX
-        if not fit.tube.capped[end] or narrow or not looked_along(rig, fit.tube, end):
+        if not shape or narrow or not looked_along(rig, fit.tube, end):
             continue
-        before = fit
-        for start in bent_in_depth(rig, before.tube, end, (1.0, -1.0)):
-            with suppress(HardFrame):
-                other = refit(
-                    start, before.radius, FROM_CLOSE,
-                    capped=before.tube.capped, settled_px=settled_px,
-                )  # fmt: skip
-                fit = other if other.cost < _TOLD * fit.cost else fit
+        told = (1 - _TOLD) * fit.cost
+        piece = EndPiece.of(rig, fit, edges, end)
+        with suppress(HardFrame):
+            best = before = piece.fit(piece.curve, shape, settled_px=settled_px)
+            for start in bent_in_depth(rig, before.tube, end, (1.0, -1.0)):
+                with suppress(HardFrame):
+                    best = min(best, piece.fit(start, shape, settled_px=settled_px), key=_cost)
+            if best.cost < before.cost - told:
+                other = _with_end(fit, piece, best, refit, settled_px=settled_px)
+                fit = other if other.cost < fit.cost - told else fit
     return fit
 
 
-def with_better_ends(rig: StereoRig, fit: TubeFit, refit: Refit) -> TubeFit:
-    """The best of fits that begin with an odd end otherwise."""
+def with_better_ends(rig: StereoRig, fit: TubeFit, edges: Edges, refit: Refit) -> TubeFit:
+    """The best of fits that begin with an odd end otherwise.
+
+    What an end might be is tried on the end alone.
+    """
     for end in (0, 1):
         for _ in range(_TRIES):
             if not fit.odd_ends[end]:
                 break
             before = fit
-            fit = _other_end(rig, fit, refit, end)
+            with suppress(HardFrame):
+                piece = EndPiece.of(rig, fit, edges, end)
+                fit = min(fit, _with_end(fit, piece, _other_end(piece), refit), key=_price)
             if fit.cost > _BETTER * before.cost:
                 break
     # Where one end is rounded, the other mostly is.
@@ -68,40 +84,54 @@ def with_better_ends(rig: StereoRig, fit: TubeFit, refit: Refit) -> TubeFit:
         if fit.tube.capped[end] == FLAT and fit.tube.capped[1 - end] == ROUND:
             start, capped = _other_shape(fit.tube, end)
             with suppress(HardFrame):
-                other = refit(start, fit.radius, FROM_CLOSE, capped=capped)
-                fit = fit if other.odd_ends[end] else min(fit, other, key=lambda one: one.cost)
+                other = refit(start, fit.radius, AS_BEGUN, capped=capped)
+                fit = fit if other.odd_ends[end] else min(fit, other, key=_cost)
     return fit
 
 
-def _other_end(rig: StereoRig, fit: TubeFit, refit: Refit, end: int) -> TubeFit:
-    """The best of what is tried for an end, up to the first that is not odd.
+def _with_end(
+    fit: TubeFit, piece: EndPiece, found: TubeFit, refit: Refit, **details: Any
+) -> TubeFit:
+    """The whole, fitted from where one of its ends was found to be."""
+    capped = list(fit.tube.capped)
+    capped[piece.end] = found.tube.capped[piece.end]
+    start = piece.joined(found.tube.curve)
+    return refit(start, fit.radius, AS_BEGUN, capped=(capped[0], capped[1]), **details)
 
-    An end as it should be is worth a slightly higher cost elsewhere.
-    """
 
-    def price(other: TubeFit) -> float:
-        return other.cost * (_ODD_PRICE if other.odd_ends[end] else 1.0)
-
-    best, capped = fit, fit.tube.capped
+def _other_end(piece: EndPiece) -> TubeFit:
+    """The best of what is tried for an end, up to the first that is clear."""
+    end, shape = piece.end, piece.whole.tube.capped[piece.end]
+    best = before = piece.fit(piece.curve, shape, passes=0)
     begins = []
-    for start in other_ends(rig, fit.tube, fit.looks, end):
+    for start in other_ends(piece.rig, before.tube, before.looks, end):
         with suppress(HardFrame):
-            looked = refit(start, fit.radius, FROM_CLOSE, passes=0, capped=capped)
-            begins.append((price(looked), start, capped))
-            best = min(best, looked, key=price)
+            looked = piece.fit(start, shape, passes=0)
+            begins.append((_price(looked), start, shape))
+            best = min(best, looked, key=_price)
     # What looks best already is fitted first; then, whatever it looks like, the other shape.
     begins.sort(key=lambda begin: begin[0])
-    if min(look.half_width for look in fit.looks) > _SHAPE_PX:
-        begins.insert(1, (0.0, *_other_shape(fit.tube, end)))
-    for _, start, ends in begins:
+    if min(look.half_width for look in before.looks) > _SHAPE_PX:
+        start, capped = _other_shape(before.tube, end)
+        begins.insert(1, (0.0, start, capped[end]))
+    for _, start, begun in begins:
         with suppress(HardFrame):
-            other = refit(start, fit.radius, FROM_CLOSE, capped=ends)
+            other = piece.fit(start, begun)
             # Another shape must fit better, and leave nothing odd.
-            if ends == capped or (other.cost < best.cost and not other.odd_ends[end]):
-                best = min(best, other, key=price)
-        if not best.odd_ends[end]:
+            if begun == shape or (other.cost < best.cost and not other.odd_ends[end]):
+                best = min(best, other, key=_price)
+        if not best.end_is_odd(end, _CLEAR):
             break
     return best
+
+
+def _cost(fit: TubeFit) -> float:
+    return fit.cost
+
+
+def _price(fit: TubeFit) -> float:
+    """An end as it should be is worth a slightly higher cost elsewhere."""
+    return fit.cost * _ODD_PRICE ** sum(fit.odd_ends)
 
 
 def _other_shape(tube: Tube, end: int) -> tuple[Floats, tuple[int, int]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from ..arrays import Booleans, Floats
 from ..camera import StereoRig
@@ -129,9 +130,8 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     if before.sum() < 4:
         return []
     straight = curve.copy()
-    for axis in range(3):
-        way = np.polynomial.Polynomial.fit(from_end[before], curve[before, axis], 2, domain=[0, 1])
-        straight[last, axis] = way(from_end[last])
+    way = polynomial.polyfit(from_end[before], curve[before], 2)
+    straight[last] = polynomial.polyval(from_end[last], way).T
     others = [straight, 2 * straight - curve]
     others += bent_in_depth(rig, tube, end, (1.0, -1.0, 0.5, -0.5))
     speed = np.stack([np.linalg.norm(np.gradient(camera.project(curve), axis=0), axis=1)

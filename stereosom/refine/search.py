@@ -101,7 +101,7 @@ class TubeSearch:
                 break
         if not fits:
             raise refused or HardFrame("the two views do not show the same device")
-        return with_better_ends(self.seen.rig, min(fits, key=_cost), self._fit)
+        return with_better_ends(self.seen.rig, min(fits, key=_cost), self.edges, self._fit)
 
     def near(self, start: Backbone, tried: Tried | None) -> tuple[TubeFit, Tried | None]:
         """Fit from where the device is expected; anywhere, where it does not seem to be there.
@@ -117,7 +117,7 @@ class TubeSearch:
         capped = self._capped(curve, radius, tried.round_ends if tried else _NEITHER)
         fit = self._fit(curve, radius, gates, capped=capped, settled_px=_FOLLOWED_PX)
         if not eyes_alike(self.seen.rig):
-            fit = nearer_or_farther(self.seen.rig, fit, self._fit, _FOLLOWED_PX)
+            fit = nearer_or_farther(self.seen.rig, fit, self.edges, self._fit, _FOLLOWED_PX)
         if _as_good(fit, tried):
             return fit, tried
         odd = fit.odd_ends
@@ -126,7 +126,7 @@ class TubeSearch:
                 fit = min(fit, self._fit(curve, radius, FROM_NEAR, capped=capped), key=_cost)
             if _as_good(fit, tried):
                 return fit, tried
-        fit = with_better_ends(self.seen.rig, fit, self._fit)
+        fit = with_better_ends(self.seen.rig, fit, self.edges, self._fit)
         if _doubtful(fit):
             with suppress(HardFrame):
                 other = self.anywhere(curve if eyes_alike(self.seen.rig) else None)

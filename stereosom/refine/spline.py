@@ -14,7 +14,7 @@ from .kernels import kernels
 
 DEGREE = 3
 # Samples of the curve a piece: fine enough that an outline between two of them is an arc.
-_SAMPLES_A_PIECE = 6
+SAMPLES_A_PIECE = 6
 # How rough a curve is, is told by differences of this order of its control points.
 ORDER = 2
 # Bends are alike over such a share of a curve (standard deviation); no stretch is taken to be
@@ -48,7 +48,7 @@ class SplineBasis:
         inner = np.linspace(0, 1, segments + 1)
         self.knots: Floats = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
         self.count = segments + DEGREE
-        self.samples = samples or segments * _SAMPLES_A_PIECE + 1
+        self.samples = samples or segments * SAMPLES_A_PIECE + 1
         at = np.linspace(0, 1, self.samples)
         self.values: Floats = self.at(at)
         self.slopes: Floats = BSpline(self.knots, np.eye(self.count), DEGREE)(at, nu=1)
