@@ -22,15 +22,16 @@ def test_a_row_for_each_family_and_method(tmp_path):
     assert (tmp_path / "methods.png").stat().st_size > 0
 
 
-def test_a_flat_end_is_not_taken_for_a_rounded_one_that_fits_no_better():
-    """A pose whose base, tilted the wrong way, costs more than half a ball that is odd, too."""
+@pytest.mark.parametrize("number", [5, 9, 26])
+def test_an_end_seen_nearly_edge_on_is_tilted_the_right_way(number):
+    """Poses that a wrong tilt, or half a ball, explains nearly as well: ends up to 2.6 mm off."""
     pytest.importorskip("pyvista")
     from stereosom_plugin.experiments import methods, mockup
 
     family = next(family for family in methods.families() if family.name == "mock-up 20°")
-    pose = list(mockup.poses(6, seed=7, reach=8.0))[5]
+    pose = list(mockup.poses(number + 1, seed=7, reach=8.0))[number]
     truth = family.curve.transformed(pose.rotation, pose.translation)
     seen = methods._observe(family, truth, "joint-spline")
     result = reconstruct(seen, options=Options(prior=Prior(base=truth.base)))
     away = np.linalg.norm(result.backbone.sample(100) - truth.sample(100), axis=1)
-    assert away.mean() < 0.4
+    assert away.max() < 0.4

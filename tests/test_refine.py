@@ -14,6 +14,7 @@ from stereosom import Camera, reconstruct
 from stereosom.refine import kernels as choice
 from stereosom.refine import reference
 from stereosom.refine.contour import Contour, mask_contour
+from stereosom.refine.end_piece import EndPiece
 from stereosom.refine.fit import TubeFit, _ends_shown
 from stereosom.refine.look import Look, Tube
 from stereosom.refine.reach import seen_stretch
@@ -676,3 +677,42 @@ def test_importing_the_core_does_not_import_numba():
     script = "import sys, stereosom; print('numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.stdout.strip() == "False", done.stdout + done.stderr
+
+
+# ---- an end on its own ---------------------------------------------------------------
+
+
+def fitted(tube, contours):
+    """The tube as a fit, without a fit."""
+    return TubeFit(
+        BASIS.backbone(BASIS.through(tube.curve)),
+        tube.radius,
+        tube,
+        looks_at(tube, contours),
+        False,
+    )
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_an_end_is_fitted_to_its_own_edges_only(end):
+    # 14 radii of 2 mm are 28 of the device's 110 mm.
+    start, stop = np.array([-15.0, 3, 20]), np.array([28.0, -14, 120])
+    contours, tube = seen(start, stop, radius=2.0), straight(start, stop)
+    piece = EndPiece.of(RIG, fitted(tube, contours), contours, end)
+    length = np.linalg.norm(stop - start)
+    assert np.linalg.norm(piece.curve[0] - piece.curve[-1]) == pytest.approx(28, abs=length / 40)
+    for camera, contour, whole in zip((RIG.a, RIG.b), piece.edges, contours, strict=True):
+        assert 0.15 < len(contour) / len(whole) < 0.35
+        to_end = np.linalg.norm(contour.points - camera.project(tube.curve[[-end]]), axis=1)
+        assert to_end.max() < 33 / camera.pixel_size(tube.curve).min()
+    found = piece.fit(piece.curve, FLAT)
+    assert found.tube.capped == ((FLAT, OPEN) if end == 0 else (OPEN, FLAT))
+    np.testing.assert_allclose(found.tube.curve[-end], tube.curve[-end], atol=0.1)
+    np.testing.assert_array_equal(piece.joined(piece.curve), tube.curve)
+
+
+def test_an_end_that_is_most_of_a_device_is_all_of_it():
+    contours, tube = seen([0, 0, 20], [0, 0, 80], radius=2.0), straight([0, 0, 20], [0, 0, 80])
+    piece = EndPiece.of(RIG, fitted(tube, contours), contours, 1)
+    assert piece.edges == contours
+    assert piece.fit(piece.curve, FLAT).tube.capped == (FLAT, FLAT)

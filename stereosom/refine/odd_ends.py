@@ -26,7 +26,7 @@ Edges = tuple[Contour, Contour]
 _TRIES, _BETTER = 4, 0.9
 # No more is tried for an end whose squared residuals are less than so many times those of all.
 _CLEAR = 1.5
-# Which way an end bends that a view looks along is told by so little.
+# An end is told from another by so little.
 _TOLD = 0.99
 # Which way the end of a narrower device bends, of such a half width, is not told, px.
 _NARROW_PX = 2.0
@@ -76,7 +76,8 @@ def with_better_ends(rig: StereoRig, fit: TubeFit, edges: Edges, refit: Refit) -
             before = fit
             with suppress(HardFrame):
                 piece = EndPiece.of(rig, fit, edges, end)
-                fit = min(fit, _with_end(fit, piece, _other_end(piece), refit), key=_price)
+                other = _with_end(fit, piece, _other_end(piece), refit)
+                fit = other if _price(other) < _TOLD * _price(fit) else fit
             if fit.cost > _BETTER * before.cost:
                 break
     # Where one end is rounded, the other mostly is.
