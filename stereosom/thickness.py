@@ -43,7 +43,9 @@ class Thickness:
         return max(_LEAST, self.weight**-0.5) if self.weight else np.inf
 
     def after(self, result: Reconstruction, rig: StereoRig) -> Thickness:
-        """With what another frame tells, fitted on its own."""
+        """With what another frame tells, fitted on its own; before two eyes only."""
+        if not eyes_alike(rig):
+            return self
         share = _share_known(result, rig)
         if result.radius is None or not 0 < share < np.inf:
             return self

@@ -88,3 +88,7 @@ def test_a_run_carries_the_thickness_along(monkeypatch):
     results = list(track(seen, method="drifting"))
     assert [result.reason == SAID for result in results] == [False] * 3 + [True] * 5
     assert max(result.radius for result in results) < 1.5
+
+
+def test_planes_across_need_no_thickness_and_do_not_wait_for_one():
+    assert Thickness().after(frame(1.0, 1.0), converging_rig(60)) == Thickness()
