@@ -103,10 +103,8 @@ def _small_mask(pixels: Floats) -> tuple[Booleans, Floats, int]:
     factor = max(1, int(width / _THIN_WIDTH))
     if factor > 1:
         rows, columns = (-(-length // factor) for length in mask.shape)
-        blocks = np.zeros((rows * factor, columns * factor), dtype=np.uint32)
-        blocks[: mask.shape[0], : mask.shape[1]] = mask
-        filled = blocks.reshape(rows, factor, -1).sum(axis=1)  # rows first: they lie in one piece
-        filled = filled.reshape(rows, columns, factor).sum(axis=2)
+        block = row // factor * columns + column // factor
+        filled = np.bincount(block, minlength=rows * columns).reshape(rows, columns)
         mask = np.pad(filled > factor**2 / 2, 1)
         corner = corner - factor
     return mask, corner, factor

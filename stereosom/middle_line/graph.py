@@ -110,7 +110,9 @@ def _links(pixels: Integers, shape: tuple[int, ...]) -> list[list[int]]:
         beside = (place[row + down, column] >= 0) | (place[row, column + right] >= 0)
         diagonal.append(np.where(beside, -1, place[row + down, column + right]))
     near = np.stack(straight + diagonal, axis=1)
-    return [[pixel for pixel in found if pixel >= 0] for found in near.tolist()]
+    found = near >= 0
+    flat, stops = near[found].tolist(), np.cumsum(found.sum(axis=1)).tolist()
+    return [flat[start:stop] for start, stop in zip([0, *stops], stops, strict=False)]
 
 
 def _nodes(links: list[list[int]]) -> dict[int, int]:
