@@ -28,6 +28,8 @@ _TRIES, _BETTER = 4, 0.9
 _CLEAR = 1.5
 # An end is told from another by so little.
 _TOLD = 0.99
+# An end is first fitted with so many passes, and then with so many more, up to such steps, px.
+_SOON, _LATE, _SETTLED_PX = 4, 12, 0.1
 # Which way the end of a narrower device bends, of such a half width, is not told, px.
 _NARROW_PX = 2.0
 # A flat end is as large in the picture as half a ball from so many radii behind it: π / 4.
@@ -104,25 +106,30 @@ def _other_end(piece: EndPiece) -> TubeFit:
     """The best of what is tried for an end, up to the first that is clear."""
     end, shape = piece.end, piece.whole.tube.capped[piece.end]
     best = before = piece.fit(piece.curve, shape, passes=0)
-    begins = []
+    looked = []
     for start in other_ends(piece.rig, before.tube, before.looks, end):
         with suppress(HardFrame):
-            looked = piece.fit(start, shape, passes=0)
-            begins.append((_price(looked), start, shape))
-            best = min(best, looked, key=_price)
+            other = piece.fit(start, shape, passes=0)
+            looked.append((_price(other), start))
+            best = min(best, other, key=_price)
     # What looks best already is fitted first; then, whatever it looks like, the other shape.
-    begins.sort(key=lambda begin: begin[0])
+    begins = [(start, shape) for _, start in sorted(looked, key=lambda one: one[0])]
     if min(look.half_width for look in before.looks) > _SHAPE_PX:
         start, capped = _other_shape(before.tube, end)
-        begins.insert(1, (0.0, start, capped[end]))
-    for _, start, begun in begins:
-        with suppress(HardFrame):
-            other = piece.fit(start, begun)
-            # Another shape must fit better, and leave nothing odd.
-            if begun == shape or (other.cost < best.cost and not other.odd_ends[end]):
-                best = min(best, other, key=_price)
-        if not best.end_is_odd(end, _CLEAR):
-            break
+        begins.insert(1, (start, capped[end]))
+    # Most of what goes right is seen to do so soon; the rest is fitted on only where nothing does.
+    for passes in (_SOON, _LATE):
+        reached = []
+        for start, begun in begins:
+            with suppress(HardFrame):
+                other = piece.fit(start, begun, passes=passes, settled_px=_SETTLED_PX)
+                reached.append((other.tube.curve, begun))
+                # Another shape must fit better, and leave nothing odd.
+                if begun == shape or (other.cost < best.cost and not other.odd_ends[end]):
+                    best = min(best, other, key=_price)
+            if not best.end_is_odd(end, _CLEAR):
+                return best
+        begins = reached
     return best
 
 
