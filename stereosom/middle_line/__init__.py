@@ -47,7 +47,7 @@ class MiddleLine:
         return float(min(1.0, spacing / (np.sqrt(np.pi) * ALONG * self.width)))
 
 
-def middle_line(pixels: Floats, count: int | None = None) -> MiddleLine:
+def middle_line(pixels: Floats, count: int | None = None, *, centered: bool = True) -> MiddleLine:
     """Find the way of a device through its mask.
 
     The mask is thinned; short dead ends are roughness and are taken off; where the device
@@ -59,6 +59,9 @@ def middle_line(pixels: Floats, count: int | None = None) -> MiddleLine:
         Of a filled mask, in any order.
     count : int, optional
         Number of points. Default: two widths apart, but 120 at least and 400 at most.
+    centered : bool
+        Whether the smoothed skeleton, half a pixel off here and there, is moved to the middle of
+        the pixels beside it.
 
     Returns
     -------
@@ -86,7 +89,9 @@ def middle_line(pixels: Floats, count: int | None = None) -> MiddleLine:
     row, column = np.nonzero(mask)
     filled = (np.column_stack([column, row]) + 0.5) * factor - 0.5 + corner
     width *= factor
-    line = to_middle(_smooth(points, count, 0.7 * width), filled, width)
+    line = _smooth(points, count, 0.7 * width)
+    if centered:
+        line = to_middle(line, filled, width)
     return MiddleLine(to_ends(line, filled, width), width)
 
 

@@ -68,10 +68,13 @@ def first_curve(seen: Observation) -> tuple[Floats, float]:
 def matched_curve(seen: Observation) -> tuple[Floats, float]:
     """As `first_curve`, straight through the matched places: good where the views are far apart.
 
-    The middle lines' ends, which lean to a corner of the masks, are left out.
+    The middle lines' ends, which lean to a corner of the masks, are left out. What a point is
+    beside the middle makes no difference to what is fitted from there.
     """
     rig = seen.rig
-    line_a, line_b = middle_line(seen.pixels_a), middle_line(seen.pixels_b)
+    line_a, line_b = (
+        middle_line(pixels, centered=False) for pixels in (seen.pixels_a, seen.pixels_b)
+    )
     points, _ = space_curve(rig, line_a.points[1:-1], line_b.points[1:-1])
     radius = _radius(rig, points, (line_a.width, line_b.width))
     try:
