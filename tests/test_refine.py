@@ -17,7 +17,7 @@ from stereosom.refine.contour import Contour, mask_contour
 from stereosom.refine.end_piece import EndPiece
 from stereosom.refine.fit import TubeFit, _ends_shown
 from stereosom.refine.look import Look, Tube
-from stereosom.refine.reach import seen_stretch
+from stereosom.refine.reach import mirrored_in_depth, seen_stretch
 from stereosom.refine.spline import spline_basis
 from stereosom.synthetic import arc, converging_rig, observe
 
@@ -716,3 +716,19 @@ def test_an_end_that_is_most_of_a_device_is_all_of_it():
     piece = EndPiece.of(RIG, fitted(tube, contours), contours, 1)
     assert piece.edges == contours
     assert piece.fit(piece.curve, FLAT).tube.capped == (FLAT, FLAT)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_a_mirrored_end_is_tilted_as_much_the_other_way(end):
+    tube = straight([-15.0, 3, 20], [28.0, -14, 120], basis=spline_basis(40))
+    mirrored = mirrored_in_depth(RIG, tube, end)
+    away = [tube.curve[-end] - camera.center for camera in (RIG.a, RIG.b)]
+    sight = sum(one / np.linalg.norm(one) for one in away)
+    sight /= np.linalg.norm(sight)
+
+    def slope(curve):
+        step = curve[-1] - curve[-2] if end else curve[0] - curve[1]
+        return step @ sight / np.linalg.norm(step - (step @ sight) * sight)
+
+    assert slope(mirrored) == pytest.approx(-slope(tube.curve), rel=0.1)
+    np.testing.assert_array_equal(mirrored[30:-30], tube.curve[30:-30])

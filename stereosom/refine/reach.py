@@ -24,6 +24,8 @@ _SHORTENED = 0.4
 _RIMS = 2
 # Wrongly bent ends reach in so many radii; so far from the end the curve tells how it runs on.
 _BENT, _BEFORE = 3.0, 9.0
+# An end that is tilted the wrong way bends there over so many radii.
+_MIRRORED = 4.0
 # A view looks along an end that it sees shortened to less than this share.
 _ALONG = 0.7
 # The oval of a flat end seen obliquely looks like more of the rims, for less than so many radii.
@@ -120,8 +122,8 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
 
     A flat end seen obliquely looks the same tilted to either side; a fit that has taken the
     wrong one bends into it, and does not find out. Here it runs on as the stretch before does,
-    bends to the other side, or nearer to the cameras, or farther from them. Where no view shows
-    its last stretch, that is cut off.
+    bends to the other side, is tilted the other way, or bends nearer to the cameras, or farther
+    from them. Where no view shows its last stretch, that is cut off.
     """
     curve = tube.curve
     from_end = _from_end(tube, end)
@@ -133,7 +135,7 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     way = polynomial.polyfit(from_end[before], curve[before], 2)
     straight[last] = polynomial.polyval(from_end[last], way).T
     others = [straight, 2 * straight - curve]
-    others += bent_in_depth(rig, tube, end, (1.0, -1.0, 0.5, -0.5))
+    others += [mirrored_in_depth(rig, tube, end), *bent_in_depth(rig, tube, end, (1.0, -1.0))]
     speed = np.stack([np.linalg.norm(np.gradient(camera.project(curve), axis=0), axis=1)
                       for camera in (rig.a, rig.b)])  # fmt: skip
     telling = speed > _SHORTENED * speed.max(axis=0)
@@ -163,12 +165,31 @@ def bent_in_depth(rig: StereoRig, tube: Tube, end: int, shares: Sequence[float])
 
     Where the share is one, the end moves by a radius.
     """
-    tangent, place = tube.tangents[-end], tube.curve[[-end]]
-    depth = (rig.a.rays(rig.a.project(place)) + rig.b.rays(rig.b.project(place)))[0]
+    tangent, depth = tube.tangents[-end], _sight(rig, tube, end)
     depth -= (depth @ tangent) * tangent
     depth *= tube.radius / max(float(np.linalg.norm(depth)), 1e-9)
     bent = np.maximum(1 - _from_end(tube, end), 0)[:, None] ** 2 * depth
     return [tube.curve + share * bent for share in shares]
+
+
+def mirrored_in_depth(rig: StereoRig, tube: Tube, end: int) -> Floats:
+    """The curve (n, 3) whose base (0) or tip (1) is tilted in depth as much the other way.
+
+    The pictures of two such discs hardly differ. A bend over a length h whose offset is
+    -c h (1 - s/h)² at a distance s from the end takes 2 c off the slope there: c is the slope.
+    """
+    sight = _sight(rig, tube, end)
+    slope = float(tube.tangents[-end] @ sight) * (1 if end else -1)
+    length = _MIRRORED * tube.radius
+    left = np.maximum(1 - _from_end(tube, end) * _BEFORE / _MIRRORED, 0)
+    return np.asarray(tube.curve - slope * length * left[:, None] ** 2 * sight)
+
+
+def _sight(rig: StereoRig, tube: Tube, end: int) -> Floats:
+    """Unit vector along which both views see an end, on the mean."""
+    place = tube.curve[[-end]]
+    sight = (rig.a.rays(rig.a.project(place)) + rig.b.rays(rig.b.project(place)))[0]
+    return np.asarray(sight / max(float(np.linalg.norm(sight)), 1e-9))
 
 
 def looked_along(rig: StereoRig, tube: Tube, end: int) -> bool:
