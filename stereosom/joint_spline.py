@@ -20,7 +20,7 @@ from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
 from .refine.fit import TubeFit
 from .refine.kernels import kernels
-from .refine.search import TubeSearch
+from .refine.search import TubeSearch, what_was_tried
 from .refine.start import swept_curve
 
 METHOD = "joint-spline"
@@ -104,11 +104,11 @@ def joint_spline(observation: Observation, *, options: Options | None = None) ->
     else:
         seen = trim_to_shared_stretch(observation)
     search = TubeSearch.of(seen, options.prior.radius, options.segments)
-    tried = None
     if options.start:
         fit, tried = search.near(options.start, options.tried)
     else:
         fit = search.anywhere(first)
+        tried = what_was_tried(fit)
     residuals = _check(seen, fit)
     opened = (not fit.tube.capped[0], not fit.tube.capped[1])
     backbone, shares = _shown_stretch(seen, fit, opened)

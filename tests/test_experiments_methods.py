@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from stereosom import Options, Prior, reconstruct
+from stereosom.synthetic import converging_rig, observe
 
 
 def test_a_row_for_each_family_and_method(tmp_path):
@@ -35,3 +36,17 @@ def test_an_end_seen_nearly_edge_on_is_tilted_the_right_way(number):
     result = reconstruct(seen, options=Options(prior=Prior(base=truth.base)))
     away = np.linalg.norm(result.backbone.sample(100) - truth.sample(100), axis=1)
     assert away.max() < 0.4
+
+
+@pytest.mark.parametrize(("angle", "number"), [(20, 2), (45, 1), (90, 9)])
+def test_half_a_ball_is_not_taken_for_a_disc_seen_from_the_front(angle, number):
+    """Both views look along both ends: tilted discs fit nearly as well, half a radius shorter."""
+    pytest.importorskip("pyvista")
+    from stereosom_plugin.experiments import methods, mockup
+
+    pose = list(mockup.poses(number + 1, seed=7, reach=8.0))[number]
+    truth = methods.families()[0].curve.transformed(pose.rotation, pose.translation)
+    seen = observe(truth, 3.2, converging_rig(angle))
+    result = reconstruct(seen, options=Options(prior=Prior(base=truth.base)))
+    ends = result.backbone.sample(2) - truth.sample(2)
+    assert np.linalg.norm(ends, axis=1).max() < 0.2

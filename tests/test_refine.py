@@ -708,12 +708,13 @@ def test_an_end_is_fitted_to_its_own_edges_only(end):
     found = piece.fit(piece.curve, FLAT)
     assert found.tube.capped == ((FLAT, OPEN) if end == 0 else (OPEN, FLAT))
     np.testing.assert_allclose(found.tube.curve[-end], tube.curve[-end], atol=0.1)
-    np.testing.assert_array_equal(piece.joined(piece.curve), tube.curve)
+    np.testing.assert_array_equal(piece.joined_to(tube.curve, piece.curve), tube.curve)
 
 
 def test_an_end_that_is_most_of_a_device_is_all_of_it():
     contours, tube = seen([0, 0, 20], [0, 0, 80], radius=2.0), straight([0, 0, 20], [0, 0, 80])
     piece = EndPiece.of(RIG, fitted(tube, contours), contours, 1)
+    assert piece.is_whole
     assert piece.edges == contours
     assert piece.fit(piece.curve, FLAT).tube.capped == (FLAT, FLAT)
 

@@ -77,12 +77,17 @@ class EndPiece:
         """The stretch of the whole tube's curve, (n, 3)."""
         return self.whole.tube.curve[self.samples]
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether the end is all of the tube."""
+        return bool(self.samples.stop - self.samples.start == len(self.whole.tube.curve))
+
     def fit(self, start: Floats, shape: int, **details: Any) -> TubeFit:
         """Fit a curve (n, 3) with such an end to the edges; `details` as of `fit_tube`."""
         count = self.samples.stop - self.samples.start
         ends = list(self.whole.tube.capped)
         ends[self.end] = shape
-        if count < len(self.whole.tube.curve):
+        if not self.is_whole:
             ends[1 - self.end] = OPEN
         return fit_tube(
             self.rig,
@@ -96,9 +101,8 @@ class EndPiece:
             **details,
         )
 
-    def joined(self, end: Floats) -> Floats:
-        """The whole tube's curve with another end, (n, 3)."""
-        curve = self.whole.tube.curve
+    def joined_to(self, curve: Floats, end: Floats) -> Floats:
+        """A curve (n, 3) with the samples of the whole tube's, with another end, (m, 3)."""
         return np.vstack([curve[: self.samples.start], end, curve[self.samples.stop :]])
 
 

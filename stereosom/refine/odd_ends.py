@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,14 @@ from .contour import Contour
 from .end_piece import EndPiece
 from .fit import AS_BEGUN, TubeFit
 from .look import Tube
-from .reach import bent_in_depth, looked_along, moved_end, other_ends
+from .reach import bent_in_depth, lengthened, looked_along, other_ends, run_on
 from .reference import FLAT, ROUND
 
 # Fits a curve (n, 3), mm, to all edges: refit(curve, radius, gates, **details of fit_tube).
 Refit = Callable[..., TubeFit]
 Edges = tuple[Contour, Contour]
+# An end, and what was found for it.
+_Found = tuple[EndPiece, TubeFit]
 
 # An odd end is tried otherwise so often, as long as that costs so much less than before.
 _TRIES, _BETTER = 4, 0.9
@@ -61,45 +64,75 @@ def nearer_or_farther(
                 with suppress(HardFrame):
                     best = min(best, piece.fit(start, shape, settled_px=settled_px), key=_cost)
             if best.cost < before.cost - told:
-                other = _with_end(fit, piece, best, refit, settled_px=settled_px)
+                other = _with_ends(fit, [(piece, best)], refit, settled_px=settled_px)
                 fit = other if other.cost < fit.cost - told else fit
     return fit
 
 
 def with_better_ends(rig: StereoRig, fit: TubeFit, edges: Edges, refit: Refit) -> TubeFit:
-    """The best of fits that begin with an odd end otherwise.
+    """The best of fits that begin with an odd end otherwise, or rounded.
 
-    What an end might be is tried on the end alone.
+    What an end might be is tried on the end alone; the whole is fitted from the best of it.
     """
-    for end in (0, 1):
-        for _ in range(_TRIES):
-            if not fit.odd_ends[end]:
+    for _ in range(_TRIES):
+        before = fit
+        with suppress(HardFrame):
+            found = _other_ends(rig, fit, edges)
+            if not found:
                 break
-            before = fit
-            with suppress(HardFrame):
-                piece = EndPiece.of(rig, fit, edges, end)
-                other = _with_end(fit, piece, _other_end(piece), refit)
-                fit = other if _price(other) < _TOLD * _price(fit) else fit
-            if fit.cost > _BETTER * before.cost:
-                break
-    # Where one end is rounded, the other mostly is.
-    for end in (0, 1):
-        if fit.tube.capped[end] == FLAT and fit.tube.capped[1 - end] == ROUND:
-            start, capped = _other_shape(fit.tube, end)
-            with suppress(HardFrame):
-                other = refit(start, fit.radius, AS_BEGUN, capped=capped)
-                fit = fit if other.odd_ends[end] else min(fit, other, key=_cost)
+            other = _with_ends(fit, found, refit)
+            # Another shape is told by its end; the whole need not say it as clearly.
+            told = _TOLD if other.tube.capped == fit.tube.capped else 1.0
+            fit = other if _price(other) < told * _price(fit) else fit
+        if not any(fit.odd_ends) or fit.cost > _BETTER * before.cost:
+            break
     return fit
 
 
-def _with_end(
-    fit: TubeFit, piece: EndPiece, found: TubeFit, refit: Refit, **details: Any
-) -> TubeFit:
-    """The whole, fitted from where one of its ends was found to be."""
-    capped = list(fit.tube.capped)
-    capped[piece.end] = found.tube.capped[piece.end]
-    start = piece.joined(found.tube.curve)
-    return refit(start, fit.radius, AS_BEGUN, capped=(capped[0], capped[1]), **details)
+def _other_ends(rig: StereoRig, fit: TubeFit, edges: Edges) -> list[_Found]:
+    """What odd ends are rather, and which flat ones are rather half a ball; base before tip."""
+    piece = cache(partial(EndPiece.of, rig, fit, edges))
+    found = {end: _other_end(piece(end)) for end in (0, 1) if fit.odd_ends[end]}
+    for end in (0, 1):
+        rounded = found.get(1 - end, fit).tube.capped[1 - end] == ROUND
+        if _may_be_a_ball(rig, found.get(end, fit), end, expected=rounded):
+            ball = _ball(piece(end), found.get(end))
+            if ball:
+                found[end] = ball
+    return [(piece(end), found[end]) for end in (0, 1) if end in found]
+
+
+def _may_be_a_ball(rig: StereoRig, fit: TubeFit, end: int, expected: bool) -> bool:
+    """Whether it is worth a fit to see if a flat end is half a ball.
+
+    A disc that both views look at can look like one, and fit quite well; and where one end is
+    rounded, the other mostly is: then it is `expected`.
+    """
+    if fit.tube.capped[end] != FLAT or min(look.half_width for look in fit.looks) < _SHAPE_PX:
+        return False
+    return expected or looked_along(rig, fit.tube, end, all)
+
+
+def _ball(piece: EndPiece, flat: TubeFit | None) -> TubeFit | None:
+    """An end with half a ball, where that is clearly better than a flat one, as found or as is."""
+    with suppress(HardFrame):
+        flat = flat or piece.fit(piece.curve, FLAT, passes=_SOON, settled_px=_SETTLED_PX)
+        start, _ = _other_shape(flat.tube, piece.end)
+        ball = piece.fit(start, ROUND, passes=_LATE, settled_px=_SETTLED_PX)
+        if ball.cost < _TOLD * flat.cost and not ball.odd_ends[piece.end]:
+            return ball
+    return None
+
+
+def _with_ends(fit: TubeFit, found: list[_Found], refit: Refit, **details: Any) -> TubeFit:
+    """The whole, fitted from where its ends were found to be, the base before the tip."""
+    curve, capped = fit.tube.curve, list(fit.tube.capped)
+    for piece, best in reversed(found):  # the tip first: samples are counted from the base
+        if piece.is_whole and len(found) > 1 and piece.end == 1:
+            continue  # the next time
+        curve = piece.joined_to(curve, best.tube.curve)
+        capped[piece.end] = best.tube.capped[piece.end]
+    return refit(curve, fit.radius, AS_BEGUN, capped=(capped[0], capped[1]), **details)
 
 
 def _other_end(piece: EndPiece) -> TubeFit:
@@ -115,8 +148,7 @@ def _other_end(piece: EndPiece) -> TubeFit:
     # What looks best already is fitted first; then, whatever it looks like, the other shape.
     begins = [(start, shape) for _, start in sorted(looked, key=lambda one: one[0])]
     if min(look.half_width for look in before.looks) > _SHAPE_PX:
-        start, capped = _other_shape(before.tube, end)
-        begins.insert(1, (start, capped[end]))
+        begins.insert(1, _other_shape(before.tube, end))
     # Most of what goes right is seen to do so soon; the rest is fitted on only where nothing does.
     for passes in (_SOON, _LATE):
         reached = []
@@ -142,9 +174,12 @@ def _price(fit: TubeFit) -> float:
     return fit.cost * _ODD_PRICE ** sum(fit.odd_ends)
 
 
-def _other_shape(tube: Tube, end: int) -> tuple[Floats, tuple[int, int]]:
-    """A tube's curve (n, 3) and its ends where a flat one is rounded, or the other way round."""
-    flat = tube.capped[end] == FLAT
-    shape = ROUND if flat else FLAT
-    start = moved_end(tube, end, -_HALF_BALL if flat else _HALF_BALL)
-    return start, (shape, tube.capped[1]) if end == 0 else (tube.capped[0], shape)
+def _other_shape(tube: Tube, end: int) -> tuple[Floats, int]:
+    """A tube's curve (n, 3) and its end where a flat one is rounded, or the other way round.
+
+    A flat end bends until it looks like a ball: where there is one, it need not have.
+    """
+    by = _HALF_BALL * tube.radius
+    if tube.capped[end] == FLAT:
+        return lengthened(run_on(tube, end), end, -by), ROUND
+    return lengthened(tube.curve, end, by), FLAT

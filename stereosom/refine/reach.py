@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -125,15 +125,7 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     bends to the other side, is tilted the other way, or bends nearer to the cameras, or farther
     from them. Where no view shows its last stretch, that is cut off.
     """
-    curve = tube.curve
-    from_end = _from_end(tube, end)
-    last = from_end < _BENT / _BEFORE
-    before = ~last & (from_end < 1)
-    if before.sum() < 4:
-        return []
-    straight = curve.copy()
-    way = polynomial.polyfit(from_end[before], curve[before], 2)
-    straight[last] = polynomial.polyval(from_end[last], way).T
+    curve, straight = tube.curve, run_on(tube, end)
     others = [straight, 2 * straight - curve]
     others += [mirrored_in_depth(rig, tube, end), *bent_in_depth(rig, tube, end, (1.0, -1.0))]
     speed = np.stack([np.linalg.norm(np.gradient(camera.project(curve), axis=0), axis=1)
@@ -148,15 +140,28 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     return others
 
 
-def moved_end(tube: Tube, end: int, radii: float) -> Floats:
-    """The curve (n, 3), so many radii longer, or shorter, at its base (0) or tip (1)."""
-    curve, tangent = tube.curve, tube.tangents[-end] * (1 if end else -1)
-    if radii > 0:
-        added = curve[[-end]] + radii * tube.radius * tangent
+def run_on(tube: Tube, end: int) -> Floats:
+    """The curve (n, 3) whose base (0) or tip (1) runs on as the stretch before it does."""
+    curve, from_end = tube.curve, _from_end(tube, end)
+    last = from_end < _BENT / _BEFORE
+    before = ~last & (from_end < 1)
+    if np.count_nonzero(before) < 4:
+        return curve
+    straight = curve.copy()
+    way = polynomial.polyfit(from_end[before], curve[before], 2)
+    straight[last] = polynomial.polyval(from_end[last], way).T
+    return straight
+
+
+def lengthened(curve: Floats, end: int, length: float) -> Floats:
+    """A curve (n, 3), so much longer, or shorter, at its base (0) or tip (1)."""
+    if length > 0:
+        outward = curve[-1] - curve[-2] if end else curve[0] - curve[1]
+        added = curve[[-end]] + length / max(float(np.linalg.norm(outward)), 1e-9) * outward
         return np.vstack([curve, added] if end else [added, curve])
     reach = kernels().reach_along(curve)
     left = reach[-1] - reach if end else reach
-    kept = curve[left >= -radii * tube.radius]
+    kept = curve[left >= -length]
     return kept if len(kept) > len(curve) // 2 else curve
 
 
@@ -192,14 +197,15 @@ def _sight(rig: StereoRig, tube: Tube, end: int) -> Floats:
     return np.asarray(sight / max(float(np.linalg.norm(sight)), 1e-9))
 
 
-def looked_along(rig: StereoRig, tube: Tube, end: int) -> bool:
-    """Whether a view looks along the base (0) or the tip (1) rather than across it."""
-    for camera in (rig.a, rig.b):
-        ray = tube.curve[-end] - camera.center
-        # Shortened to the sine of the angle between the end and the ray that sees it.
-        if (ray @ tube.tangents[-end]) ** 2 > (1 - _ALONG**2) * (ray @ ray):
-            return True
-    return False
+def looked_along(
+    rig: StereoRig, tube: Tube, end: int, views: Callable[[Iterable[bool]], bool] = any
+) -> bool:
+    """Whether any view, or all, look along the base (0) or the tip (1) rather than across it."""
+    rays = [tube.curve[-end] - camera.center for camera in (rig.a, rig.b)]
+    # Shortened to the sine of the angle between the end and the ray that sees it.
+    return views(
+        bool((ray @ tube.tangents[-end]) ** 2 > (1 - _ALONG**2) * (ray @ ray)) for ray in rays
+    )
 
 
 def _from_end(tube: Tube, end: int) -> Floats:

@@ -131,11 +131,7 @@ class TubeSearch:
             with suppress(HardFrame):
                 other = self.anywhere(curve if eyes_alike(self.seen.rig) else None)
                 fit = other if other.cost < _BETTER * fit.cost else fit
-        odd = (odd[0] or fit.odd_ends[0], odd[1] or fit.odd_ends[1])
-        rounded = (fit.tube.capped[0] == ROUND, fit.tube.capped[1] == ROUND)
-        if any(odd) or any(rounded) or _doubtful(fit):
-            return fit, Tried(odd, _cost_per_edge(fit), rounded)
-        return fit, None
+        return fit, what_was_tried(fit, odd)
 
     def _fit(self, curve: Floats, radius: float, gates: Sequence[float], **details: Any) -> TubeFit:
         radius = self.radius or radius
@@ -167,6 +163,15 @@ class TubeSearch:
                     opened[end] |= near < 1.5 * width[end] + 3
         base, tip = np.where(opened, OPEN, np.where(rounded, ROUND, FLAT)).tolist()
         return base, tip
+
+
+def what_was_tried(fit: TubeFit, odd: tuple[bool, bool] = _NEITHER) -> Tried | None:
+    """What the frame after a fit need not try; `odd` are the ends that were so, and are not now."""
+    odd = (odd[0] or fit.odd_ends[0], odd[1] or fit.odd_ends[1])
+    rounded = (fit.tube.capped[0] == ROUND, fit.tube.capped[1] == ROUND)
+    if any(odd) or any(rounded) or _doubtful(fit):
+        return Tried(odd, _cost_per_edge(fit), rounded)
+    return None
 
 
 def _cost(fit: TubeFit) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Floats
+from ..backbone import Backbone
 from ..camera import Camera, StereoRig, triangulate
 from ..depth_sweep import sweep_depth, widths_along
 from ..matching import Matching, go_on, match_lines, space_curve
@@ -14,6 +15,8 @@ from ..observation import Observation, View
 from ..reconstruction import HardFrame
 from .spline import ORDER, SplineBasis, spline_basis
 
+# Points of the curve that matched places make.
+_SAMPLES = 200
 # Points to a piece of the spline that is lifted, and pieces at least and at most.
 _POINTS_A_PIECE, _PIECES = 5, (20, 40)
 # Rounds of Gauss-Newton, and how often the stiffness is chosen anew in each.
@@ -74,10 +77,10 @@ def matched_curve(seen: Observation) -> tuple[Floats, float]:
     )
     points, _ = space_curve(rig, line_a.points[1:-1], line_b.points[1:-1])
     radius = _radius(rig, points, (line_a.width, line_b.width))
-    if not np.isfinite(points).all():
-        raise HardFrame("the two views' lines make no curve in space")
-    basis = spline_basis(_PIECES[0])
-    return basis.values @ basis.control_points(points), radius
+    try:
+        return Backbone.fit_spline(points, _PIECES[0]).polyline(_SAMPLES), radius
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise HardFrame(f"the two views' lines make no curve in space ({error})") from None
 
 
 def _radius(rig: StereoRig, curve: Floats, widths: tuple[float, float]) -> float:
