@@ -114,12 +114,12 @@ def _may_be_a_ball(rig: StereoRig, fit: TubeFit, end: int, expected: bool) -> bo
 
 
 def _ball(piece: EndPiece, flat: TubeFit | None) -> TubeFit | None:
-    """An end with half a ball, where that is clearly better than a flat one, as found or as is."""
+    """An end with half a ball, where that is better than a flat one, as found or as it is."""
     with suppress(HardFrame):
         flat = flat or piece.fit(piece.curve, FLAT, passes=_SOON, settled_px=_SETTLED_PX)
         start, _ = _other_shape(flat.tube, piece.end)
         ball = piece.fit(start, ROUND, passes=_LATE, settled_px=_SETTLED_PX)
-        if ball.cost < _TOLD * flat.cost and not ball.odd_ends[piece.end]:
+        if ball.cost < flat.cost and not ball.odd_ends[piece.end]:
             return ball
     return None
 
