@@ -66,6 +66,14 @@ def test_what_is_said_of_the_certainty_is_that_depth_is_weak(few):
         assert 0.1 < np.median(result.standard_deviation_at(s)) / np.mean(depth) < 10
 
 
+def test_a_tip_is_where_it_is_and_no_less_sure_than_that():
+    """Seen nearly end-on, a round tip can be taken for a bend along the line of sight."""
+    for result in tracked(range(10, 14)):
+        truth = read_truth(FILM / f"truth_{result.index:03d}.csv")
+        assert np.linalg.norm(result.backbone.tip - truth.tip) < 2
+        assert 0.2 < result.standard_deviation_at([result.backbone.length])[0] < 2
+
+
 def test_a_box_on_the_device_does_as_well(few):
     box = tracked(range(2), color_box=(400, 215, 30, 20))
     for one, other in zip(few, box, strict=False):
@@ -116,6 +124,8 @@ def test_the_whole_film_from_the_command_line(tmp_path):
     assert np.mean([frame.distance for frame in frames]) < 0.01 * WORKING_DISTANCE
     assert max(frame.distance for frame in frames) < 0.02 * WORKING_DISTANCE
     assert min(frame.covered for frame in frames) > 0.95
+    # The round tip reaches a radius, 1 mm, beyond the end of the true axis.
+    assert max(frame.tip for frame in frames) < 1 + 0.025 * WORKING_DISTANCE
     film = tmp_path / "film.mp4"
     assert main(["render", str(out), "--output", str(film), "--overlay", "both"]) == 0
     assert film.stat().st_size > 10_000
