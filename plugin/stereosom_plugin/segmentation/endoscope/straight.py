@@ -13,6 +13,7 @@ from scipy import ndimage
 from stereosom.arrays import Floats
 from stereosom_plugin.errors import require
 
+from ..loops import loops
 from ..picture import Mask
 from ..way import best_way
 
@@ -93,9 +94,9 @@ def straighten(
     row, columns = coarse * ROW, round(side / _COLUMN / coarse)
     line, normal = _even(line, width, row, size)
     offset = np.linspace(-side, side, 2 * columns + 1) * width
-    place = line[:, None] + offset[:, None] * normal[:, None]
-    within = np.asarray(((place >= -0.5) & (place <= size - 0.5)).all(axis=2))
-    like = np.where(within, evidence(picture, place[..., 0], place[..., 1]), 0.0)
+    x, y = (line[:, i, None] + offset * normal[:, i, None] for i in (0, 1))
+    within = (x >= -0.5) & (x <= size[0] - 0.5) & (y >= -0.5) & (y <= size[1] - 0.5)
+    like = np.where(within, evidence(picture, x, y), 0.0)
     center = np.zeros(len(line))
     if not middle:
         center = offset[_middle(like, round(columns / side / 2))]
@@ -198,14 +199,7 @@ def smooth(values: Floats, sigma: float) -> Floats:
 def weighted(values: Floats, weights: Floats, sigma: float, more: float = 0.0) -> Floats:
     """The same with weights, (n, 1) or one to a value; `more` of them at zero."""
     flat = np.reshape(values, (len(values), -1))
-    margin = min(int(3 * sigma) + 1, len(flat) - 1)
-    before, after = slice(margin, 0, -1), slice(-2, -2 - margin, -1)
-    weight = np.vstack([weights[before], weights, weights[after]])
-    flat = np.vstack([2 * flat[0] - flat[before], flat, 2 * flat[-1] - flat[after]])
-    both = np.hstack([flat * weight, weight])
-    over = ndimage.correlate1d(both, _bell(sigma), axis=0)[margin : len(flat) - margin]
-    mean = over[:, : flat.shape[1]] / (over[:, flat.shape[1] :] + more)
-    return np.asarray(mean.reshape(np.shape(values)))
+    return np.asarray(loops().weighted(flat, weights, _bell(sigma), more).reshape(np.shape(values)))
 
 
 @lru_cache(maxsize=64)
