@@ -66,6 +66,22 @@ def test_what_is_said_of_the_certainty_is_that_depth_is_weak(few):
         assert 0.1 < np.median(result.standard_deviation_at(s)) / np.mean(depth) < 10
 
 
+def test_both_eyes_see_the_tip_at_the_same_place_of_the_device():
+    """A pixel between them is some millimetres in depth."""
+    acquisition = read_stereo(FILM / "left.mp4", FILM / "right.mp4", FILM / "calibration.yaml")
+    apart = []
+    for seen in segmentation.observe(acquisition, segmenter(), frames=range(16)):
+        truth = read_truth(FILM / f"truth_{seen.index:03d}.csv")
+        ahead_of_tip = []
+        for camera, pixels in ((seen.rig.a, seen.pixels_a), (seen.rig.b, seen.pixels_b)):
+            before, tip = camera.project(truth([truth.length - 3, truth.length]))
+            along = (tip - before) / np.linalg.norm(tip - before)
+            beside = (pixels - tip) @ [-along[1], along[0]]
+            ahead_of_tip.append(np.sort((pixels - tip)[np.abs(beside) < 4] @ along)[-8:].mean())
+        apart.append(ahead_of_tip[0] - ahead_of_tip[1])
+    assert np.std(apart) < 0.7
+
+
 def test_a_tip_is_where_it_is_and_no_less_sure_than_that():
     """Seen nearly end-on, a round tip can be taken for a bend along the line of sight."""
     for result in tracked(range(10, 14)):

@@ -44,12 +44,15 @@ class Ribbon:
         Where the picture shows the device; elsewhere it is hidden, or outside.
     width : float
         px.
+    beyond : (float, float)
+        How far it reaches beyond the middles of its first and last row, rows.
     """
 
     middle: Floats
     edges: tuple[Floats, Floats]
     seen: Any
     width: float
+    beyond: tuple[float, float] = (0.5, 0.5)
 
     def mask(self, shape: tuple[int, ...]) -> Mask:
         """The pixels whose centers lie between the edges, (rows, columns)."""
@@ -58,7 +61,9 @@ class Ribbon:
         number = np.flatnonzero(self.seen)
         for run in np.split(number, np.flatnonzero(np.diff(number) > 1) + 1):
             if len(run) > 1:
-                rims = [_half_a_row_longer(edge[run]) for edge in (left, right)]
+                before = self.beyond[0] if run[0] == 0 else 0.5
+                after = self.beyond[1] if run[-1] == len(self.seen) - 1 else 0.5
+                rims = [_longer(edge[run], before, after) for edge in (left, right)]
                 loops().fill(drawn, np.vstack([rims[0], rims[1][::-1]]))
         return drawn
 
@@ -100,8 +105,10 @@ def trace(
     start, stop = strip.run()
     if (stop - start) * ROW < _SHORTEST or np.nanmean(row_like[start:stop]) < _LOST:
         return None
+    beyond = strip.beyond(start, stop)
     if place_ends:
         start, stop = _half_way(picture, strip, width, start, stop)
+        beyond = 0.5, 0.5
     kept = slice(start, stop)
     line, normal = strip.line[kept], strip.normal[kept]
     center = smooth(center[kept], _SMOOTH / ROW / 2)
@@ -114,7 +121,7 @@ def trace(
     width = float(np.median(span[weight])) if weight.any() else width
     seen &= span > 0.2 * width
     left, right = (line + edge[:, None] * normal for edge in edges)
-    return Ribbon((left + right) / 2, (left, right), seen, width)
+    return Ribbon((left + right) / 2, (left, right), seen, width, beyond)
 
 
 def _half_way(picture: Any, strip: Strip, width: float, start: int, stop: int) -> tuple[int, int]:
@@ -194,7 +201,7 @@ def _to_flat_ends(edge: Floats, sure: Floats) -> Floats:
     return edge
 
 
-def _half_a_row_longer(edge: Floats) -> Floats:
-    """Rows are known at their middles; a device reaches over the whole of its first and last."""
-    before, after = 1.5 * edge[0] - 0.5 * edge[1], 1.5 * edge[-1] - 0.5 * edge[-2]
-    return np.vstack([before, edge, after])
+def _longer(edge: Floats, before: float, after: float) -> Floats:
+    """Rows are known at their middles; a device reaches beyond that of its first and its last."""
+    first, last = edge[0] + before * (edge[0] - edge[1]), edge[-1] + after * (edge[-1] - edge[-2])
+    return np.vstack([first, edge, last])
