@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from stereosom.arrays import Floats
 from ..loops import loops
 from ..picture import Mask
 from .straight import LEAST_LIKE, ROW, Evidence, Strip, sample, smooth, straighten, weighted
+from .tips import Tip, find_tip
 
 # All of these in widths of the device.
 _SMOOTH = 0.7  # along an edge
@@ -44,27 +45,27 @@ class Ribbon:
         Where the picture shows the device; elsewhere it is hidden, or outside.
     width : float
         px.
-    beyond : (float, float)
-        How far it reaches beyond the middles of its first and last row, rows.
+    tips : pair of Tip or None
+        How it begins and ends, where that is known.
     """
 
     middle: Floats
     edges: tuple[Floats, Floats]
     seen: Any
     width: float
-    beyond: tuple[float, float] = (0.5, 0.5)
+    tips: tuple[Tip | None, Tip | None] = (None, None)
 
     def mask(self, shape: tuple[int, ...]) -> Mask:
         """The pixels whose centers lie between the edges, (rows, columns)."""
         drawn = np.zeros(shape[:2], dtype=bool)
-        left, right = self.edges
         number = np.flatnonzero(self.seen)
         for run in np.split(number, np.flatnonzero(np.diff(number) > 1) + 1):
             if len(run) > 1:
-                before = self.beyond[0] if run[0] == 0 else 0.5
-                after = self.beyond[1] if run[-1] == len(self.seen) - 1 else 0.5
-                rims = [_longer(edge[run], before, after) for edge in (left, right)]
-                loops().fill(drawn, np.vstack([rims[0], rims[1][::-1]]))
+                edges = self.edges[0][run], self.edges[1][run]
+                first, last = run[0] == 0, run[-1] == len(self.seen) - 1
+                edges = _ended(edges, self.tips[1] if last else None)
+                edges = _ended((edges[0][::-1], edges[1][::-1]), self.tips[0] if first else None)
+                loops().fill(drawn, np.vstack([edges[0], edges[1][::-1]]))
         return drawn
 
 
@@ -105,10 +106,8 @@ def trace(
     start, stop = strip.run()
     if (stop - start) * ROW < _SHORTEST or np.nanmean(row_like[start:stop]) < _LOST:
         return None
-    beyond = strip.beyond(start, stop)
     if place_ends:
         start, stop = _half_way(picture, strip, width, start, stop)
-        beyond = 0.5, 0.5
     kept = slice(start, stop)
     line, normal = strip.line[kept], strip.normal[kept]
     center = smooth(center[kept], _SMOOTH / ROW / 2)
@@ -121,7 +120,21 @@ def trace(
     width = float(np.median(span[weight])) if weight.any() else width
     seen &= span > 0.2 * width
     left, right = (line + edge[:, None] * normal for edge in edges)
-    return Ribbon((left + right) / 2, (left, right), seen, width, beyond)
+    ribbon = Ribbon((left + right) / 2, (left, right), seen, width)
+    return ribbon if place_ends else replace(ribbon, tips=_tips(picture, ribbon, evidence))
+
+
+def _tips(picture: Any, ribbon: Ribbon, evidence: Evidence) -> tuple[Tip | None, Tip | None]:
+    """How a device begins and ends, where the picture shows it."""
+    (left, right), size = ribbon.edges, picture.shape[1::-1]
+
+    def gain(x: Floats, y: Floats) -> Floats:
+        return evidence(picture, x, y) - LEAST_LIKE
+
+    return (
+        find_tip((left[::-1], right[::-1]), size, gain) if ribbon.seen[0] else None,
+        find_tip((left, right), size, gain) if ribbon.seen[-1] else None,
+    )
 
 
 def _half_way(picture: Any, strip: Strip, width: float, start: int, stop: int) -> tuple[int, int]:
@@ -201,7 +214,12 @@ def _to_flat_ends(edge: Floats, sure: Floats) -> Floats:
     return edge
 
 
-def _longer(edge: Floats, before: float, after: float) -> Floats:
-    """Rows are known at their middles; a device reaches beyond that of its first and its last."""
-    first, last = edge[0] + before * (edge[0] - edge[1]), edge[-1] + after * (edge[-1] - edge[-2])
-    return np.vstack([first, edge, last])
+def _ended(edges: tuple[Floats, Floats], tip: Tip | None) -> tuple[Floats, Floats]:
+    """Both edges, (n, 2), up to the end of the device.
+
+    Rows are known at their middles: where no tip is known, it reaches over the whole of its last.
+    """
+    if tip is not None:
+        return tip.after(edges)
+    left, right = (np.vstack([edge, 1.5 * edge[-1] - 0.5 * edge[-2]]) for edge in edges)
+    return left, right

@@ -74,19 +74,6 @@ class Strip:
         """Rows from the device's one end to the other."""
         return _longest_run(self.row_like, self.row)
 
-    def beyond(self, start: int, stop: int) -> tuple[float, float]:
-        """How far the device reaches beyond the middles of a run's first and last row, rows.
-
-        To where it is no longer like itself, between two rows: half a row, where the next is
-        unknown. Both eyes' rows lie elsewhere, and a row more in one of them is some mm in depth.
-        """
-        unknown = [np.nan]
-        like, found = np.concatenate([unknown, self.row_like, unknown]), []
-        for here, there in (like[[start + 1, start]], like[[stop, stop + 1]]):
-            falls = here > LEAST_LIKE > there
-            found.append(float((here - LEAST_LIKE) / (here - there)) if falls else 0.5)
-        return found[0], found[1]
-
 
 def straighten(
     picture: Any,
