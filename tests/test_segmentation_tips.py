@@ -56,3 +56,14 @@ def test_a_bar_ends_in_the_mask_where_it_does_in_the_picture():
         beyond.append(mask[144:156].sum(axis=1).mean() - end)
     assert np.std(beyond) < 0.5
     assert np.abs(np.mean(beyond)) < 1
+
+
+def test_a_device_that_swings_by_many_widths_is_followed_to_its_tip():
+    generator, (row, column) = np.random.default_rng(2), np.indices((400, 640))
+    left, _ = segmenter()
+    for bend in (-4e-4, 4e-4, -4e-4):
+        away = np.abs(row - 200 - bend * column**2) / np.hypot(1, 2 * bend * column)
+        seen = 200 - 150 * ((away < 10) & (column < 520)) + generator.normal(0, 2, row.shape)
+        mask = left(np.repeat(np.rint(seen).astype(np.uint8)[..., None], 3, axis=2))
+        assert np.flatnonzero(mask.any(axis=0)).max() == pytest.approx(519, abs=8)
+        assert mask.sum() == pytest.approx(np.count_nonzero((away < 10) & (column < 520)), rel=0.05)

@@ -31,8 +31,8 @@ _TURN = 0.02  # price of one
 # Rows that are less like the device than this are gaps.
 LEAST_LIKE = 0.1
 # A line is brought to a device on every so many-th row and column, as often at most as it is
-# farther off than this, in widths.
-_COARSE, _OFF, _BROUGHT = 2, 1.0, 3
+# farther off than this, in widths, or too short.
+_COARSE, _OFF, _BROUGHT = 2, 1.0, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +73,11 @@ class Strip:
     def run(self) -> tuple[int, int]:
         """Rows from the device's one end to the other."""
         return _longest_run(self.row_like, self.row)
+
+    def goes_on(self, start: int, stop: int) -> bool:
+        """Whether a device's run goes on in the picture beyond what is straightened."""
+        ends = (row for row, at in ((0, start), (-1, stop - len(self.line))) if at == 0)
+        return any(self.row_like[row] > LEAST_LIKE for row in ends)
 
 
 def straighten(
@@ -125,7 +130,8 @@ def brought_to(picture: Any, line: Floats, width: float, evidence: Evidence) -> 
         if stop - start < 8:
             break
         line = strip.middle[start:stop]
-        if np.abs(strip.center[start:stop]).max() < _OFF * width:
+        near = np.abs(strip.center[start:stop]).max() < _OFF * width
+        if near and not strip.goes_on(start, stop):
             break
     return line
 
