@@ -16,6 +16,7 @@ from stereosom_plugin import render, segmentation
 from stereosom_plugin.ahead import ahead
 from stereosom_plugin.cli import main
 from stereosom_plugin.endoscopy import read_stereo
+from stereosom_plugin.errors import InputError
 from stereosom_plugin.evaluation import evaluate, read_truth
 from stereosom_plugin.segmentation.endoscope import segmenter
 
@@ -108,6 +109,13 @@ def test_a_film_that_was_begun_goes_on_in_another_process():
         assert np.array_equal(one.pixels_a, other.pixels_a)
         assert np.array_equal(one.pixels_b, other.pixels_b)
     assert np.array_equal(acquisition.read(3)[0], acquisition.read(3)[0])  # and here, too
+
+
+def test_exchanged_eyes_are_noticed_though_the_tissue_is_faint():
+    with pytest.raises(InputError, match="left and right are exchanged"):
+        read_stereo(FILM / "right.mp4", FILM / "left.mp4", FILM / "calibration.yaml")
+    as_given = read_stereo(FILM / "left.mp4", FILM / "right.mp4", FILM / "calibration.yaml")
+    assert not as_given.notes
 
 
 def test_the_overlay_goes_through_the_lens_of_its_eye(tmp_path, monkeypatch):
