@@ -51,8 +51,11 @@ def test_left_and_right_exchanged_in_one_film(folder, capsys, stereo_films):
     assert "left and right are exchanged" in line
 
 
-def test_rectified_pictures_and_a_calibration_that_is_not(folder, capsys, stereo_films):
-    text = stereo_films.calibration(lens=(-0.3, 0, 0, 0, 0), turned_deg=5)
+@pytest.mark.parametrize(("bend", "turned"), [(-0.3, 5), (-0.1, 1)])
+def test_rectified_pictures_and_a_calibration_that_is_not(
+    folder, capsys, stereo_films, bend, turned
+):
+    text = stereo_films.calibration(lens=(bend, 0, 0, 0, 0), turned_deg=turned)
     (folder / "calibration.yaml").write_text(text)
     line = refused(capsys, "left.mkv", "right.mkv", "--rig", "calibration.yaml")
     assert "which are rectified" in line

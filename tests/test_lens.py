@@ -13,11 +13,11 @@ from stereosom_plugin.lens import (
     FisheyeLens,
     IntensifierLens,
     RadialTangentialLens,
+    cells,
     undistorted_field,
     undistorted_mask_pixels,
 )
 from stereosom_plugin.lens import mask as undistorting
-from stereosom_plugin.lens.cells import cells_of
 
 K = np.array([[900.0, 0, 630], [0, 910, 500], [0, 0, 1]])
 # k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau x, tau y
@@ -174,8 +174,11 @@ def test_a_mask_is_undistorted_without_holes_and_to_its_true_size():
     assert np.linalg.norm(pixels - [150, 120], axis=1).max() < 41.5
 
 
+@pytest.mark.parametrize("kind", ["compiled", "reference"])
 @pytest.mark.parametrize("lens", [BARREL, PINCUSHION], ids=["barrel", "pincushion"])
-def test_a_mask_is_undistorted_by_cells_as_pixel_by_pixel(lens):
+def test_a_mask_is_undistorted_by_cells_as_pixel_by_pixel(lens, kind, monkeypatch):
+    loops = pytest.importorskip(f"stereosom_plugin.lens.loops.{kind}")
+    monkeypatch.setattr(cells, "loops", lambda: loops)
     row, column = np.indices((1000, 1280))
     away = np.hypot(column - 500, row - 700)
     ring = (away > 280) & (away < 330)  # it leaves the picture below, and has a hole
@@ -183,7 +186,7 @@ def test_a_mask_is_undistorted_by_cells_as_pixel_by_pixel(lens):
     specks = np.random.default_rng(5).random(ring.shape) > 0.9995
     all_of_them = ring | thin | specks
     for mask in (ring, thin, specks, all_of_them, all_of_them[:997, :1275]):
-        by_cells = cells_of(lens, mask.shape).undistorted(mask)
+        by_cells = cells.cells_of(lens, mask.shape).undistorted(mask)
         assert by_cells is not None
         assert np.array_equal(by_cells, undistorting._by_pixels(mask, lens))
 
@@ -228,6 +231,29 @@ def test_the_border_that_a_device_crosses_stays_a_border():
     entry = seen.pixels_a[np.argmin(seen.pixels_a[:, 0])]
     assert seen.distance_to_border("a", [entry])[0] < 2
     assert seen.pixels_a[:, 0].min() < -20  # the barrel hid how far out that is
+
+
+def test_from_frame_to_frame_a_border_is_bent_once(monkeypatch):
+    corners = np.array([[-0.5, -0.5], [1279.5, -0.5], [1279.5, 999.5], [-0.5, 999.5]])
+    lens = RadialTangentialLens(K, [-0.25, 0.08, 0, 0, 0])
+    entered = [np.array([[0.0, y], [0.0, y + 1]]) for y in (300.0, 700.0)]
+    undistorted_field(corners, lens, entered[0])
+    middle, slope = (lens.undistort([[-0.5, 700.5 + away]])[0] for away in (0.0, 1.0))
+    monkeypatch.delattr(RadialTangentialLens, "_bend")
+    field = undistorted_field(corners, lens, entered[1])
+    # One of its sides runs through the place, along the tangent there.
+    sides = np.roll(field, -1, axis=0) - field
+    sides /= np.linalg.norm(sides, axis=1, keepdims=True)
+    away = middle - field
+    distance = np.abs(sides[:, 0] * away[:, 1] - sides[:, 1] * away[:, 0])
+    along = (slope - middle) / np.linalg.norm(slope - middle)
+    assert distance.min() < 0.01
+    assert abs(sides[distance.argmin()] @ along) == pytest.approx(1, abs=1e-4)
+
+
+@pytest.mark.parametrize("shape", [(1, 30), (30, 1), (1, 1)])
+def test_a_picture_of_one_row_or_column_has_no_cells(shape):
+    assert undistorted_mask_pixels(np.ones(shape, dtype=bool), BARREL).shape[1] == 2
 
 
 def test_without_a_device_the_field_is_the_hull_of_the_bent_border():

@@ -136,3 +136,46 @@ def test_without_numba_numpy_does(monkeypatch):
         without = loops()
     loops.cache_clear()
     assert without is reference
+
+
+@pytest.mark.parametrize("count", [2, 5, 60])
+@pytest.mark.parametrize("wide", [1, 2])
+def test_a_weighted_mean(count, wide):
+    values, weights = rng.random((count, 2)), rng.random((count, wide))
+    (mean,) = same("weighted", values, weights, gaussian(3.0, reach=3.0), 0.1)
+    assert mean.shape == values.shape
+
+
+def test_a_mean_neither_shortens_nor_turns_a_straight_line():
+    straight = np.outer(np.arange(40), [1.0, -2.0])
+    (mean,) = same("weighted", straight, np.ones((40, 1)), gaussian(3.0, reach=3.0), 0.0)
+    assert np.allclose(mean, straight)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_where_colors_have_gone_half_the_way(channels):
+    profile = rng.integers(0, 255, (40, 21, channels)).astype(np.uint8)
+    same("half_way", profile, 0.3, within=1e-4)
+    profile[:] = 90
+    profile[:, 13:] = 190  # between the places 12 and 13, at the middle of which it is 10
+    shift, far = same("half_way", profile, 0.3, within=1e-4)
+    assert shift[10] == pytest.approx(0.3 * 2.5)
+    assert far[10] == pytest.approx(100 * np.sqrt(channels))
+
+
+def test_filling_what_an_outline_winds_about():
+    around = np.linspace(0, 2 * np.pi, 50, endpoint=False)[:, None]
+    ring = 15 + 12 * np.hstack([np.cos(around), np.sin(around)])
+    twice = 15 + 6 * np.hstack([np.cos(2 * around), np.sin(2 * around)])
+    beyond = 8 + 20 * rng.normal(size=(30, 2))  # crosses itself, and leaves the picture
+    for outline in (ring, twice, beyond, np.rint(beyond)):
+        filled = []
+        for which in (compiled, reference):
+            drawn = np.zeros((30, 32), dtype=bool)
+            which.fill(drawn, outline)
+            filled.append(drawn)
+        assert filled[0].any()
+        assert np.array_equal(*filled)
+    compiled.fill(drawn := np.zeros((30, 32), dtype=bool), ring)
+    y, x = np.indices(drawn.shape)
+    assert np.count_nonzero(drawn ^ (np.hypot(x - 15, y - 15) < 12)) < 12

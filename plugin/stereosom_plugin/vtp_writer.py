@@ -67,7 +67,6 @@ def vtp_text(polydata: vtkPolyData) -> str:
     """Polydata as the text of a `.vtp`."""
     writer = vtk_xml.vtkXMLPolyDataWriter()
     writer.SetInputData(polydata)
-    writer.SetCompressorTypeToNone()  # it would take away a sixth, and twice the time
     writer.WriteToOutputStringOn()
     # Compressed, numbers that all differ are a sixth shorter, and take twice as long.
     writer.SetCompressorTypeToNone()

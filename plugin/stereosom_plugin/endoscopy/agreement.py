@@ -23,6 +23,9 @@ NEAR_PX, NEAR_SHARE, IN_FRONT = 2.0, 0.003, 0.7
 # holds for fewer of them than this.
 _FITTED, _SHARED = 8, 0.5
 _LOOKED_AT = 960  # px; larger pictures are made smaller to be matched
+# Places are told from noise by this contrast at least: half of what SIFT asks for, since tissue
+# is faint.
+_PLACES, _CONTRAST = 1500, 0.02
 _RATIO = 0.75  # Lowe's, between the best and the second best partner
 
 
@@ -53,7 +56,7 @@ class Agreement:
 def matched_places(left: Image, right: Image) -> tuple[Floats, Floats]:
     """Places that both pictures show, (n, 2) px each: SIFT, each the other's best partner."""
     cv2 = require("cv2", "endoscopy")
-    finder, found = cv2.SIFT_create(1500), []
+    finder, found = cv2.SIFT_create(_PLACES, contrastThreshold=_CONTRAST), []
     for picture in (left, right):
         gray = picture if picture.ndim == 2 else picture[..., :3].mean(axis=2).astype(np.uint8)
         step = max(1, round(max(gray.shape) / _LOOKED_AT))

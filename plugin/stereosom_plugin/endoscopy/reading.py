@@ -208,7 +208,11 @@ def _checked(
     a, b = (np.concatenate([pair[view] for pair in pairs]) for view in (0, 1))
     model, size = found.rigs[0], found.rigs[0].a.image_size
     as_given = agreement(model, found.lenses, (a, b))
-    if as_given.good or not np.isfinite(as_given.gap) or not tell_something((a, b), size[0]):
+    rows = row_gap((a, b))
+    are_rectified = _rectified(rows, as_given.gap)
+    if not np.isfinite(as_given.gap) or (as_given.good and not are_rectified):
+        return acquisition
+    if not tell_something((a, b), size[0]):
         return acquisition
     exchanged = agreement(model, found.lenses, (b, a))
     what = ", ".join(dict.fromkeys(str(path) for path in acquisition.sources[:: max(
@@ -220,8 +224,7 @@ def _checked(
             "eyes see would lie behind the endoscope",
             "give --right-first" if stacked else "give the other eye first",
         )
-    rows = row_gap((a, b))
-    if rows <= 1.5 < as_given.gap:
+    if are_rectified:
         try:
             straight = read_calibration(rig, image_size=size, rectified=True)
         except InputError:
@@ -241,6 +244,11 @@ def _checked(
         f"{as_given.gap:.1f} px off its epipolar line, the median over {len(a)} places"
     )
     return replace(acquisition, notes=(*acquisition.notes, note))
+
+
+def _rectified(rows: float, gap: float) -> bool:
+    """Whether places lie in rows, to so many px, rather than so far from their epipolar lines."""
+    return rows <= 1.5 < gap or (rows < gap / 4 and gap > 1)
 
 
 def _source(paths: Paths) -> Source:

@@ -14,6 +14,10 @@ from .model import Lens
 
 _PER_SIDE = 16
 _TOUCHES_PX = 1.5
+# From step to step along a side, px.
+_STEP_PX = 1.0
+
+Corner = tuple[float, float]
 
 
 def undistorted_field(corners: Floats, lens: Lens, pixels: Any) -> Floats:
@@ -32,14 +36,14 @@ def undistorted_field(corners: Floats, lens: Lens, pixels: Any) -> Floats:
     pixels : (n, 2) array
         Of the device in the seen picture.
     """
-    sides = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
     field = _bent(lens, tuple(map(tuple, corners.tolist())))
     if field is None:
         return np.array(corners)
     middle = field.mean(axis=0)
-    touched = [(place - along, place + along) for place, along in _touched(sides, pixels)]
-    ideal = lens.undistort_where_defined(np.reshape(touched, (-1, 2))).reshape(-1, 2, 2)
-    for before, after in ideal:
+    sides = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
+    for start, end, at in _touched(sides, pixels):
+        side = _side(lens, tuple(start.tolist()), tuple(end.tolist()))
+        before, after = side(at - 1), side(at + 1)
         across = np.array([before[1] - after[1], after[0] - before[0]])
         if np.isfinite(across).all():
             inward = across * np.sign(across @ (middle - before))
@@ -48,7 +52,7 @@ def undistorted_field(corners: Floats, lens: Lens, pixels: Any) -> Floats:
 
 
 @lru_cache(maxsize=4)
-def _bent(lens: Lens, corners: tuple[tuple[float, float], ...]) -> Floats | None:
+def _bent(lens: Lens, corners: tuple[Corner, ...]) -> Floats | None:
     """The hull of a border as the ideal camera has it; None where it is none."""
     start = np.array(corners)[:, None]
     share = np.linspace(0, 1, _PER_SIDE, endpoint=False)[:, None]
@@ -63,8 +67,32 @@ def _bent(lens: Lens, corners: tuple[tuple[float, float], ...]) -> Floats | None
         return None
 
 
-def _touched(sides: list[tuple[Floats, Floats]], pixels: Any) -> list[tuple[Floats, Floats]]:
-    """Places on the border where the device meets it, and the sides' directions there."""
+class _Side:
+    """A side of a border as the ideal camera has it, at even steps, one of them beyond its ends."""
+
+    def __init__(self, lens: Lens, start: Floats, end: Floats) -> None:
+        length = float(np.linalg.norm(end - start))
+        count = max(round(length / _STEP_PX), 1)
+        share = np.arange(-1, count + 2)[:, None] / count
+        self._step = length / count
+        self._shown = lens.undistort_where_defined(start + share * (end - start))
+
+    def __call__(self, at: float) -> Floats:
+        """Where it is at a distance from its start, px."""
+        place = min(max(at / self._step + 1, 0.0), len(self._shown) - 1.0)
+        number = min(int(place), len(self._shown) - 2)
+        share = place - number
+        return np.asarray((1 - share) * self._shown[number] + share * self._shown[number + 1])
+
+
+@lru_cache(maxsize=16)
+def _side(lens: Lens, start: Corner, end: Corner) -> _Side:
+    """A side, one and the same for all frames: a device enters now here, now there."""
+    return _Side(lens, np.array(start), np.array(end))
+
+
+def _touched(sides: list[tuple[Floats, Floats]], pixels: Any) -> list[tuple[Floats, Floats, float]]:
+    """Sides that the device meets, and how far from their starts, px."""
     if len(pixels) == 0:
         return []
     found = []
@@ -83,7 +111,7 @@ def _touched(sides: list[tuple[Floats, Floats]], pixels: Any) -> list[tuple[Floa
         near = np.abs(pixels @ across - start @ across) <= _TOUCHES_PX
         at = np.sort((pixels[near] - start) @ along)
         groups = np.split(at, np.nonzero(np.diff(at) > 3)[0] + 1) if len(at) else []
-        found += [(start + along * float(group.mean()), along) for group in groups]
+        found += [(start, end, float(group.mean())) for group in groups]
     return found
 
 

@@ -10,7 +10,8 @@ from scipy import ndimage
 
 from stereosom.arrays import Floats
 
-from .cells import CELL_PX, Mask, cells_of
+from .cells import cells_of
+from .loops.reference import CELL_PX, Mask
 from .model import Lens
 
 _MOST_STRETCH = 8

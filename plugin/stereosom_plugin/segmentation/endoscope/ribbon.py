@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,10 @@ from scipy import ndimage
 
 from stereosom.arrays import Floats
 
+from ..loops import loops
 from ..picture import Mask
 from .straight import LEAST_LIKE, ROW, Evidence, Strip, sample, smooth, straighten, weighted
+from .tips import Tip, find_tip
 
 # All of these in widths of the device.
 _SMOOTH = 0.7  # along an edge
@@ -43,22 +45,27 @@ class Ribbon:
         Where the picture shows the device; elsewhere it is hidden, or outside.
     width : float
         px.
+    tips : pair of Tip or None
+        How it begins and ends, where that is known.
     """
 
     middle: Floats
     edges: tuple[Floats, Floats]
     seen: Any
     width: float
+    tips: tuple[Tip | None, Tip | None] = (None, None)
 
     def mask(self, shape: tuple[int, ...]) -> Mask:
         """The pixels whose centers lie between the edges, (rows, columns)."""
         drawn = np.zeros(shape[:2], dtype=bool)
-        left, right = self.edges
         number = np.flatnonzero(self.seen)
         for run in np.split(number, np.flatnonzero(np.diff(number) > 1) + 1):
             if len(run) > 1:
-                rims = [_half_a_row_longer(edge[run]) for edge in (left, right)]
-                _fill(drawn, np.vstack([rims[0], rims[1][::-1]]))
+                edges = self.edges[0][run], self.edges[1][run]
+                first, last = run[0] == 0, run[-1] == len(self.seen) - 1
+                edges = _ended(edges, self.tips[1] if last else None)
+                edges = _ended((edges[0][::-1], edges[1][::-1]), self.tips[0] if first else None)
+                loops().fill(drawn, np.vstack([edges[0], edges[1][::-1]]))
         return drawn
 
 
@@ -113,7 +120,21 @@ def trace(
     width = float(np.median(span[weight])) if weight.any() else width
     seen &= span > 0.2 * width
     left, right = (line + edge[:, None] * normal for edge in edges)
-    return Ribbon((left + right) / 2, (left, right), seen, width)
+    ribbon = Ribbon((left + right) / 2, (left, right), seen, width)
+    return ribbon if place_ends else replace(ribbon, tips=_tips(picture, ribbon, evidence))
+
+
+def _tips(picture: Any, ribbon: Ribbon, evidence: Evidence) -> tuple[Tip | None, Tip | None]:
+    """How a device begins and ends, where the picture shows it."""
+    (left, right), size = ribbon.edges, picture.shape[1::-1]
+
+    def gain(x: Floats, y: Floats) -> Floats:
+        return evidence(picture, x, y) - LEAST_LIKE
+
+    return (
+        find_tip((left[::-1], right[::-1]), size, gain) if ribbon.seen[0] else None,
+        find_tip((left, right), size, gain) if ribbon.seen[-1] else None,
+    )
 
 
 def _half_way(picture: Any, strip: Strip, width: float, start: int, stop: int) -> tuple[int, int]:
@@ -161,19 +182,12 @@ def _fine_edges(
     """Where the colors have gone half the way from inside to outside, (2, rows), from the line."""
     reach = max(2.5, _EDGE * width)
     across, side = np.linspace(-reach, reach, 21), np.array([[-1.0], [1.0]])
-    away = (rough[..., None] + side[..., None] * across).reshape(-1, 21, 1)
-    place = np.tile(line, (2, 1))[:, None] + away * np.tile(normal, (2, 1))[:, None]
-    profile = sample(picture, place[..., 0], place[..., 1]).astype(np.float32)
-    profile = ndimage.uniform_filter1d(profile.reshape(2, len(line), 21, -1), 5, axis=1)
-    inner, outer = profile[:, :, 1:7].mean(axis=2), profile[:, :, 14:20].mean(axis=2)
-    way = outer - inner
-    share = np.einsum("erck,erk->erc", profile - inner[:, :, None], way)
-    square = (way**2).sum(axis=2)
-    share /= np.maximum(square, 1e-6)[..., None]
-    # The area under the rise: the place of its half, less noisy than where it crosses.
-    step = across[1] - across[0]
-    shift = across[-1] - np.clip(share, 0, 1).sum(axis=2) * step + step / 2
-    sure = weight * np.minimum(np.sqrt(square) / 25, 1) ** 2 + 1e-6
+    away = rough[..., None] + side[..., None] * across
+    x, y = (line[:, i, None] + away * normal[:, i, None] for i in (0, 1))
+    profiles = (sample(picture, *edge) for edge in zip(x, y, strict=True))
+    found = [loops().half_way(profile, across[1] - across[0]) for profile in profiles]
+    shift, contrast = np.moveaxis(np.array(found), 1, 0)
+    sure = weight * np.minimum(contrast / 25, 1) ** 2 + 1e-6
     shift = np.where(np.abs(shift) < reach, shift, 0)
     edge = rough + side * shift
     edge = np.stack([_to_flat_ends(*each) for each in zip(edge, sure, strict=True)], axis=1)
@@ -200,25 +214,12 @@ def _to_flat_ends(edge: Floats, sure: Floats) -> Floats:
     return edge
 
 
-def _half_a_row_longer(edge: Floats) -> Floats:
-    """Rows are known at their middles; a device reaches over the whole of its first and last."""
-    before, after = 1.5 * edge[0] - 0.5 * edge[1], 1.5 * edge[-1] - 0.5 * edge[-2]
-    return np.vstack([before, edge, after])
+def _ended(edges: tuple[Floats, Floats], tip: Tip | None) -> tuple[Floats, Floats]:
+    """Both edges, (n, 2), up to the end of the device.
 
-
-def _fill(drawn: Mask, outline: Floats) -> None:
-    """Draw the pixels whose centers a polygon, (n, 2), winds about."""
-    start, end = outline, np.roll(outline, -1, axis=0)
-    upper, lower = np.minimum(start, end)[:, 1], np.maximum(start, end)[:, 1]
-    # The lines of pixels that each side crosses, and where.
-    first = np.clip(np.ceil(upper).astype(int), 0, len(drawn))
-    count = np.clip(np.ceil(lower).astype(int), first, len(drawn)) - first
-    side = np.repeat(np.arange(len(outline)), count)
-    row = np.arange(len(side)) - np.repeat(np.cumsum(count) - count - first, count)
-    (x, y), (to_x, to_y) = start[side].T, end[side].T
-    place = x + (row - y) * (to_x - x) / (to_y - y)
-    order = np.lexsort((place, row))
-    row, column = row[order], np.clip(np.ceil(place[order]).astype(int), 0, drawn.shape[1])
-    turns = np.cumsum(np.where(to_y > y, 1, -1)[order])  # back at none at the end of each line
-    for number in np.flatnonzero(turns):
-        drawn[row[number], column[number] : column[number + 1]] = True
+    Rows are known at their middles: where no tip is known, it reaches over the whole of its last.
+    """
+    if tip is not None:
+        return tip.after(edges)
+    left, right = (np.vstack([edge, 1.5 * edge[-1] - 0.5 * edge[-2]]) for edge in edges)
+    return left, right

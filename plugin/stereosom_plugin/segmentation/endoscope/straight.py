@@ -13,6 +13,7 @@ from scipy import ndimage
 from stereosom.arrays import Floats
 from stereosom_plugin.errors import require
 
+from ..loops import loops
 from ..picture import Mask
 from ..way import best_way
 
@@ -30,8 +31,8 @@ _TURN = 0.02  # price of one
 # Rows that are less like the device than this are gaps.
 LEAST_LIKE = 0.1
 # A line is brought to a device on every so many-th row and column, as often at most as it is
-# farther off than this, in widths.
-_COARSE, _OFF, _BROUGHT = 2, 1.0, 3
+# farther off than this, in widths, or too short.
+_COARSE, _OFF, _BROUGHT = 2, 1.0, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +74,11 @@ class Strip:
         """Rows from the device's one end to the other."""
         return _longest_run(self.row_like, self.row)
 
+    def goes_on(self, start: int, stop: int) -> bool:
+        """Whether a device's run goes on in the picture beyond what is straightened."""
+        ends = (row for row, at in ((0, start), (-1, stop - len(self.line))) if at == 0)
+        return any(self.row_like[row] > LEAST_LIKE for row in ends)
+
 
 def straighten(
     picture: Any,
@@ -93,9 +99,9 @@ def straighten(
     row, columns = coarse * ROW, round(side / _COLUMN / coarse)
     line, normal = _even(line, width, row, size)
     offset = np.linspace(-side, side, 2 * columns + 1) * width
-    place = line[:, None] + offset[:, None] * normal[:, None]
-    within = np.asarray(((place >= -0.5) & (place <= size - 0.5)).all(axis=2))
-    like = np.where(within, evidence(picture, place[..., 0], place[..., 1]), 0.0)
+    x, y = (line[:, i, None] + offset * normal[:, i, None] for i in (0, 1))
+    within = (x >= -0.5) & (x <= size[0] - 0.5) & (y >= -0.5) & (y <= size[1] - 0.5)
+    like = np.where(within, evidence(picture, x, y), 0.0)
     center = np.zeros(len(line))
     if not middle:
         center = offset[_middle(like, round(columns / side / 2))]
@@ -124,7 +130,8 @@ def brought_to(picture: Any, line: Floats, width: float, evidence: Evidence) -> 
         if stop - start < 8:
             break
         line = strip.middle[start:stop]
-        if np.abs(strip.center[start:stop]).max() < _OFF * width:
+        near = np.abs(strip.center[start:stop]).max() < _OFF * width
+        if near and not strip.goes_on(start, stop):
             break
     return line
 
@@ -198,14 +205,7 @@ def smooth(values: Floats, sigma: float) -> Floats:
 def weighted(values: Floats, weights: Floats, sigma: float, more: float = 0.0) -> Floats:
     """The same with weights, (n, 1) or one to a value; `more` of them at zero."""
     flat = np.reshape(values, (len(values), -1))
-    margin = min(int(3 * sigma) + 1, len(flat) - 1)
-    before, after = slice(margin, 0, -1), slice(-2, -2 - margin, -1)
-    weight = np.vstack([weights[before], weights, weights[after]])
-    flat = np.vstack([2 * flat[0] - flat[before], flat, 2 * flat[-1] - flat[after]])
-    both = np.hstack([flat * weight, weight])
-    over = ndimage.correlate1d(both, _bell(sigma), axis=0)[margin : len(flat) - margin]
-    mean = over[:, : flat.shape[1]] / (over[:, flat.shape[1] :] + more)
-    return np.asarray(mean.reshape(np.shape(values)))
+    return np.asarray(loops().weighted(flat, weights, _bell(sigma), more).reshape(np.shape(values)))
 
 
 @lru_cache(maxsize=64)

@@ -1,5 +1,6 @@
 """What takes the time of a segmentation, in plain numpy: `compiled` must give the same, faster."""
 
+from .edges import fill, half_way, weighted
 from .lines import absorbed, best_way, blurred, log_across, medians, tube_profile
 from .pictures import blurred_root, darker_lines, draw_line, even, heaped, shadow, shifted
 
@@ -11,10 +12,13 @@ __all__ = [
     "darker_lines",
     "draw_line",
     "even",
+    "fill",
+    "half_way",
     "heaped",
     "log_across",
     "medians",
     "shadow",
     "shifted",
     "tube_profile",
+    "weighted",
 ]

@@ -1,0 +1,14 @@
+"""The inner loop of masks that are freed of lens distortion."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import ModuleType
+
+from stereosom.loops import fastest
+
+
+@cache
+def loops() -> ModuleType:
+    """`compiled` where numba is installed, else `reference`."""
+    return fastest(__name__)

@@ -1,0 +1,101 @@
+"""`reference` once more, in loops that numba compiles; importing this needs numba."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .reference import CELL_PX
+
+_ALL = 2**CELL_PX - 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def covered(mask, some, full, cells, quads, boxes, within):  # type: ignore[no-untyped-def]
+    """As `reference.covered`."""
+    left, top, right, bottom = _bounds(some)
+    held, count = np.empty(len(cells), np.intp), 0
+    drawn = np.empty((len(cells), CELL_PX), np.uint8)  # of each cell's rows, a bit to a pixel
+    total = 0
+    for i in range(len(cells)):
+        begin, first, end, last = boxes[i]
+        if first >= bottom or last <= top or begin >= right or end <= left:
+            continue
+        touched, filled = False, within[i]
+        for y in range(first, last):
+            for x in range(begin, end):
+                touched |= some[y, x]
+                filled &= full[y, x]
+        if touched:
+            held[count] = i
+            if filled:
+                drawn[count] = _ALL
+                total += CELL_PX**2
+            else:
+                total += _look_up(mask, quads[i], drawn[count])
+            count += 1
+    pixels, at = np.empty((total, 2)), 0
+    start = 0
+    while start < count:
+        line, stop = cells[held[start], 1], start
+        while stop < count and cells[held[stop], 1] == line:
+            stop += 1
+        for row in range(CELL_PX):
+            y = CELL_PX * line + row
+            for k in range(start, stop):
+                bits, x = drawn[k, row], CELL_PX * cells[held[k], 0]
+                if bits == _ALL:
+                    for column in range(CELL_PX):
+                        pixels[at + column, 0], pixels[at + column, 1] = x + column, y
+                    at += CELL_PX
+                elif bits:
+                    for column in range(CELL_PX):
+                        if bits >> column & 1:
+                            pixels[at, 0], pixels[at, 1] = x + column, y
+                            at += 1
+        start = stop
+    return pixels
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _bounds(some):  # type: ignore[no-untyped-def]
+    """First column and row of True, and those after the last."""
+    rows, columns = some.shape
+    left, top, right, bottom = columns, rows, 0, 0
+    for y in range(rows):
+        for x in range(columns):
+            if some[y, x]:
+                left, right = min(left, x), max(right, x + 1)
+                top, bottom = min(top, y), y + 1
+    return left, top, right, bottom
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _look_up(mask, quad, drawn):  # type: ignore[no-untyped-def]
+    """Which pixels of a cell a mask covers for a half, and how many."""
+    rows, wide = mask.shape
+    count = 0
+    for i in range(CELL_PX):
+        v = i / CELL_PX
+        x_left, y_left = (1 - v) * quad[0] + v * quad[2]
+        x_right, y_right = (1 - v) * quad[1] + v * quad[3]
+        bits = 0
+        for j in range(CELL_PX):
+            u = j / CELL_PX
+            x, y = (1 - u) * x_left + u * x_right, (1 - u) * y_left + u * y_right
+            if not (0 <= x <= wide - 1 and 0 <= y <= rows - 1):
+                continue
+            column, row = min(int(x), wide - 2), min(int(y), rows - 2)
+            a, b = mask[row, column], mask[row, column + 1]
+            c, d = mask[row + 1, column], mask[row + 1, column + 1]
+            if a == b == c == d:  # most are
+                covers = a
+            else:
+                x, y = x - column, y - row
+                cover = (a * (1 - x) + b * x) * (1 - y) + (c * (1 - x) + d * x) * y
+                covers = np.float32(cover) >= 0.5
+            if covers:
+                bits |= 1 << j
+                count += 1
+        drawn[i] = bits
+    return count
