@@ -74,17 +74,32 @@ def test_shadow(face, ends, pace):
     assert np.count_nonzero(share) > 100
 
 
-def test_root_of_the_light_after_a_blur():
-    shown = rng.random((20, 25)) < 0.4
-    share = rng.random(np.count_nonzero(shown))
-    same("blurred_root", share, shown, 1.5, gaussian(0.8, reach=3.0))
+@pytest.mark.parametrize("deviation", [0.3, 0.8, 4.0])
+def test_blur_of_a_picture_mirrors_beyond_its_borders(deviation):
+    same("smooth", rng.random((20, 25)), gaussian(deviation, reach=3.0))
+    same("smooth", rng.random((1, 3)), gaussian(deviation, reach=3.0))
 
 
-def test_heaps_of_points_also_beyond_the_border():
-    points = rng.uniform(-4, 24, (500, 2))
-    (heap,) = same("heaped", points, (15, 20))
-    inside = np.all((points >= 0) & (points <= [19, 14]), axis=1)
-    assert heap.sum() >= np.count_nonzero(inside)
+@pytest.mark.parametrize("shape", [(15, 20), (40, 40)])
+@pytest.mark.parametrize("step", [0.9, 2.0])
+def test_heaps_of_discs_also_beyond_the_border(shape, step):
+    across, along = 3 * rng.uniform(-1, 1, (2, 50))
+    (heap,) = same("discs", line(), step, across, along, shape)
+    assert 0 < heap.sum() < 40 * 50
+
+
+def test_a_tail_in_the_view_that_looks_along_it():
+    rays = rng.normal(size=(20, 3))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    projection = np.array([[900.0, 0, 250, 9], [0, 900, 250, 9], [0, 0, 1, 2000]])
+    bend, depth, center = np.array([1.0, -2, 3]), np.linspace(500, 520, 20), rng.normal(size=3)
+    points, way = same("tail", bend, depth, 0.4, center, rays, projection)
+    assert np.allclose(
+        points[0],
+        ((center + depth[0] * rays[0]) @ projection[:, :3].T + projection[:, 3])[:2]
+        / (2000 + (center + depth[0] * rays[0])[2]),
+    )
+    assert way[0] == 0
 
 
 def test_a_line_is_drawn_also_across_the_border_and_around_bends():

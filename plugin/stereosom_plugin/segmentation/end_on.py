@@ -17,6 +17,7 @@ from stereosom.camera import Camera, StereoRig, triangulate
 from stereosom.matching import match_monotone
 
 from .end_pictures import Additive, Axis, Covering, EndPicture, Window
+from .loops import loops
 from .picture import Gray, Mask
 from .tube import Tube
 
@@ -270,10 +271,11 @@ class _Tail:
         steps = np.arange(len(beside.line))
         pixels = np.column_stack([np.interp(tail, steps, beside.line[:, i]) for i in (0, 1)])
         self.rays = beside.camera.rays(pixels)
-        self.level, self.slope = begin.depth, begin.slope * (tail[-1] - tail[0])
-        self.share = np.linspace(0, 1, STEPS)
-        self.powers = np.stack([self.share, self.share**2, self.share**3], axis=1)
-        middle = self.beside.center + self.level * self.rays[-1]
+        share = np.linspace(0, 1, STEPS)
+        self.straight = begin.depth + begin.slope * (tail[-1] - tail[0]) * share
+        self.powers = np.stack([share, share**2, share**3], axis=1)
+        self.projection = window.projection(along.camera)
+        middle = self.beside.center + begin.depth * self.rays[-1]
         # Depth that moves a point by a pixel.
         self.unit = float(along.camera.pixel_size(middle[None])[0])
         self.body = Axis(window.inside(begin.body), begin.way / self.unit / window.factor)
@@ -286,16 +288,14 @@ class _Tail:
         self._there = float((along.line[-1] - straight) @ (moved - straight)) / self._per_unit**2
 
     def points(self, bend: Floats) -> Floats:
-        depth = self.level + self.slope * self.share + self.unit * (self.powers @ bend[:3])
+        depth = self.straight + self.unit * (self.powers @ bend[:3])
         return np.asarray(self.beside.center + depth[:, None] * self.rays)
 
     def misfit(self, bend: Floats, picture: EndPicture) -> Floats:
-        points = self.points(bend)
-        way = np.zeros(len(points))
-        steps = points[1:] - points[:-1]
-        np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps)), out=way[1:])
-        line = self.window.inside(self.along.camera.project(points))
-        tail = Axis(line, way / (self.unit * self.window.factor))
+        line, way = loops().tail(
+            bend[:3], self.straight, self.unit, self.beside.center, self.rays, self.projection
+        )
+        tail = Axis(line, way / self.window.factor)
         light = picture(tail, self.along.tube.absorption * float(np.exp(bend[3])))
         off = (light - self.seen) / self.window.noise
         off = np.minimum(np.maximum(off, -MOST_OFF), MOST_OFF)  # takes half as long as a clip

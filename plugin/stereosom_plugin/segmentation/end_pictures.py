@@ -18,6 +18,7 @@ import numpy as np
 from scipy import ndimage
 
 from stereosom.arrays import Booleans, Floats
+from stereosom.camera import Camera
 
 from .loops import loops
 from .picture import Gray, Mask, binned, darkest, gaussian, log_light
@@ -33,6 +34,7 @@ WIDE, LEAST_NOISE = 4.0, 0.01
 PALE = 0.9
 # Blur of the points themselves, px.
 _POINT_BLUR = 0.3
+_POINT_WEIGHTS = gaussian(_POINT_BLUR, reach=3.0)
 
 
 class Window:
@@ -88,6 +90,16 @@ class Window:
         """Pixels (n, 2) of the picture as those of the window."""
         return np.asarray((pixels - self._low + 0.5) / self.factor - 0.5)
 
+    def projection(self, camera: Camera) -> Floats:
+        """Of points in space, mm, to pixels of the window, (3, 4)."""
+        x, y = (0.5 - self._low) / self.factor - 0.5
+        inside = np.array([[1 / self.factor, 0, x], [0, 1 / self.factor, y], [0, 0, 1]])
+        return np.asarray(inside @ camera.projection)
+
+    def root_of(self, light: Floats, weights: Floats) -> Floats:
+        """Root of the light, (rows, columns), at the compared pixels, after a blur."""
+        return np.asarray(np.sqrt(loops().smooth(light, weights)[self.compared]))
+
 
 @dataclass(frozen=True, eq=False)
 class Axis:
@@ -123,30 +135,22 @@ class Additive:
         across, along = np.meshgrid(place, place)
         disc = np.hypot(across, along) < 1
         self.across, self.along = radius * across[disc], radius * along[disc]
-        self.blur = blur
+        self.weights = gaussian(blur, reach=3.0)
         self.body = self._way_through(body)
 
     def __call__(self, tail: Axis, absorption: float) -> Floats:
         """As in `EndPicture`."""
         through = self.body + self._way_through(tail)
-        light = np.exp(-absorption / (2 * self.radius) * through)
-        light = ndimage.gaussian_filter(light, self.blur, truncate=3.0)
-        return np.asarray(np.sqrt(light[self.window.compared]))
+        return self.window.root_of(np.exp(-absorption / (2 * self.radius) * through), self.weights)
 
     def _way_through(self, axis: Axis) -> Floats:
         """Way through the device at each pixel, px: discs, which are ellipses seen obliquely."""
-        center, step = axis.even(ALONG)
-        moves = np.gradient(center, axis=0) / step
-        sine = np.linalg.norm(moves, axis=1)
-        along = moves / np.maximum(sine, 1e-6)[:, None]
-        across = np.column_stack([-along[:, 1], along[:, 0]])
-        thick = np.sqrt(1 - np.minimum(sine, 1) ** 2)[:, None] * self.along
-        points = center[:, None] + self.across[:, None] * across[:, None]
-        points += thick[..., None] * along[:, None]
+        centers, step = axis.even(ALONG)
+        shape = self.window.root.shape
+        heap = loops().discs(centers, step, self.across, self.along, shape)
         # Each point stands for a part of the volume, px³: that is a height at its pixel, px.
         each = np.pi * self.radius**2 * step / len(self.across)
-        heap = each * loops().heaped(points.reshape(-1, 2), self.window.root.shape)
-        return np.asarray(ndimage.gaussian_filter(heap, _POINT_BLUR, truncate=3.0))
+        return np.asarray(each * loops().smooth(heap, _POINT_WEIGHTS))
 
 
 class Covering:
@@ -164,5 +168,6 @@ class Covering:
         pace = max(float(tail.way[-1] - tail.way[-2]), 1e-6)
         share = loops().shadow(self.pixels, tail.points, self.radius, pace, True, self.face)
         share = np.maximum(self.body, share)
-        root = loops().blurred_root(share, self.window.compared, absorption, self.weights)
-        return np.asarray(root)
+        light = np.ones(self.window.root.shape)
+        light[self.window.compared] = np.exp(-absorption * share)
+        return self.window.root_of(light, self.weights)

@@ -1,19 +1,21 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
+from .ends import discs, even, shadow, smooth, tail
 from .lines import absorbed, best_way, blurred, log_across, medians, tube_profile
-from .pictures import blurred_root, darker_lines, draw_line, even, heaped, shadow
+from .pictures import darker_lines, draw_line
 
 __all__ = [
     "absorbed",
     "best_way",
     "blurred",
-    "blurred_root",
     "darker_lines",
+    "discs",
     "draw_line",
     "even",
-    "heaped",
     "log_across",
     "medians",
     "shadow",
+    "smooth",
+    "tail",
     "tube_profile",
 ]
