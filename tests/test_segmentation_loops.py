@@ -48,9 +48,23 @@ def test_the_best_way_also_where_ways_are_worth_the_same():
         same("best_way", values, 0.15 * np.arange(-2, 3) ** 2)
 
 
-@pytest.mark.parametrize("count", [1, 3, 40])
+@pytest.mark.parametrize("count", [1, 3, 17, 40])
 def test_blur_mirrors_beyond_the_ends(count):
     same("blurred", rng.random((count, 2)), gaussian(2.0))
+    same("blurred", rng.random((2, count)).T, gaussian(2.0))
+
+
+def test_directions_across_a_line():
+    (across,) = same("normals", line())
+    assert np.allclose(np.linalg.norm(across, axis=1), 1)
+    same("normals", np.array([[1.0, 1], [1, 1], [2, 1]]))
+
+
+@pytest.mark.parametrize("spacing", [0.3, 2.0, 100.0])
+def test_a_line_at_even_steps(spacing):
+    (points,) = same("evenly", line(), spacing)
+    assert np.allclose(points[[0, -1]], line()[[0, -1]])
+    same("evenly", np.array([[0.0, 0], [0, 0], [3, 4], [3, 4]]), spacing)
 
 
 def test_what_is_absorbed():
@@ -141,6 +155,17 @@ def test_profile_of_a_tube_and_its_slopes():
         moved[number] += 1e-6
         changed = compiled.tube_profile(place, chords, moved)[0]
         assert np.allclose((changed - profile) / 1e-6, slopes[:, number], atol=1e-5)
+
+
+@pytest.mark.parametrize("sure", [0.0, 50.0])
+def test_the_profile_that_fits(sure):
+    place, chords = np.arange(-7, 7.5, 0.5), (np.arange(24) + 0.5) / 24
+    start, true = np.array([2.5, 0.6, 0.8, 0.0]), np.array([3.1, 0.9, 0.9, 0.3])
+    low, high = np.array([0.4, 0.01, 0.3, -2]), np.array([9.0, 6, 2.5, 2])
+    taken = reference.tube_profile(place, chords, true)[0]
+    known = np.array([0, 0, sure, 0])
+    (found,) = same("fitted_profile", place, chords, taken, start, low, high, known, within=1e-6)
+    assert np.abs(found - true).max() < (0.01 if sure == 0 else 0.15)
 
 
 def test_without_numba_numpy_does(monkeypatch):

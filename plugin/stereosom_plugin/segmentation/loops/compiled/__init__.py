@@ -1,8 +1,9 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
 from .ends import discs, even, shadow, smooth, tail
-from .lines import absorbed, best_way, blurred, log_across, medians, tube_profile
+from .lines import absorbed, best_way, blurred, evenly, log_across, medians, normals
 from .pictures import darker_lines, draw_line
+from .profiles import fitted_profile, tube_profile
 
 __all__ = [
     "absorbed",
@@ -12,8 +13,11 @@ __all__ = [
     "discs",
     "draw_line",
     "even",
+    "evenly",
+    "fitted_profile",
     "log_across",
     "medians",
+    "normals",
     "shadow",
     "smooth",
     "tail",

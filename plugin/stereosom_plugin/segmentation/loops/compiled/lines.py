@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import erfc, exp, pi, sqrt
+from math import sqrt
 
 import numpy as np
 
@@ -17,9 +17,11 @@ def log_across(picture, line, normals, across, least):  # type: ignore[no-untype
     log = np.empty((n, m), np.float32)
     least = np.float32(least)
     for i in range(n):
+        x_first, y_first = line[i]
+        x_ahead, y_ahead = normals[i]
         for j in range(m):
-            x = min(max(line[i, 0] + across[j] * normals[i, 0], 0.0), columns - 1.0)
-            y = min(max(line[i, 1] + across[j] * normals[i, 1], 0.0), rows - 1.0)
+            x = min(max(x_first + across[j] * x_ahead, 0.0), columns - 1.0)
+            y = min(max(y_first + across[j] * y_ahead, 0.0), rows - 1.0)
             column, row = int(x), int(y)
             right, below = min(column + 1, columns - 1), min(row + 1, rows - 1)
             x, y = x - column, y - row
@@ -101,39 +103,11 @@ def best_way(score, price):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def blurred(values, weights):  # type: ignore[no-untyped-def]
-    """As `reference.blurred`."""
-    n, m = values.shape
-    reach = len(weights) // 2
-    smooth = np.zeros((n, m))
-    for i in range(n):
-        for k in range(-reach, reach + 1):
-            at, weight = _mirrored(i + k, n), weights[k + reach]
-            for j in range(m):
-                smooth[i, j] += weight * values[at, j]
-    return smooth
-
-
-@compiled
 def _mirrored(place, count):  # type: ignore[no-untyped-def]
     """A place beyond an end, mirrored back into the row."""
     while place < 0 or place >= count:
         place = -1 - place if place < 0 else 2 * count - 1 - place
     return place
-
-
-@compiled
-def absorbed(log, across, beyond, weights):  # type: ignore[no-untyped-def]
-    """As `reference.absorbed`."""
-    n, m = log.shape
-    left, right = _level(log[:, :beyond], weights), _level(log[:, m - beyond :], weights)
-    middle = -(across[0] + across[beyond - 1]) / 2
-    dark = np.empty((n, m))
-    for j in range(m):
-        share = (across[j] + middle) / (2 * middle)
-        for i in range(n):
-            dark[i, j] = left[i, 0] * (1 - share) + right[i, 0] * share - log[i, j]
-    return dark
 
 
 @compiled
@@ -149,27 +123,72 @@ def _level(beside, weights):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def tube_profile(place, chords, parameters):  # type: ignore[no-untyped-def]
-    """As `reference.tube_profile`."""
-    n, m = len(place), len(chords)
-    radius, absorption, blur, center = parameters
-    profile, slopes = np.zeros(n), np.zeros((n, 4))
-    taken, turned = 0.0, 0.0
-    for box in range(m - 1, -1, -1):
-        through = sqrt(1 - chords[box] ** 2)
-        passes = exp(-absorption * through)
-        weight, taken = 1 - passes - taken, 1 - passes
-        grows, turned = through * passes - turned, through * passes
-        wide = chords[box] + 0.5 / m
-        for i in range(n):
-            right = (place[i] - center + radius * wide) / blur
-            left = (place[i] - center - radius * wide) / blur
-            inside = 0.5 * (erfc(-right / sqrt(2.0)) - erfc(-left / sqrt(2.0)))
-            high = exp(-(right**2) / 2) / sqrt(2 * pi)
-            low = exp(-(left**2) / 2) / sqrt(2 * pi)
-            profile[i] += weight * inside
-            slopes[i, 0] += weight * wide * (high + low) / blur
-            slopes[i, 1] += grows * inside
-            slopes[i, 2] += weight * (left * low - right * high) / blur
-            slopes[i, 3] += weight * (low - high) / blur
-    return profile, slopes
+def blurred(values, weights):  # type: ignore[no-untyped-def]
+    """As `reference.blurred`."""
+    n, m = values.shape
+    reach = len(weights) // 2
+    flat, smooth = np.ascontiguousarray(values).reshape(n * m), np.zeros(n * m)
+    inner = max(n - 2 * reach, 0)
+    # What is not near an end is one long row, so that several values are done at once.
+    into = smooth[reach * m : (reach + inner) * m]
+    for k in range(2 * reach + 1):
+        light, weight = flat[k * m : (k + inner) * m], weights[k]
+        for i in range(inner * m):
+            into[i] += weight * light[i]
+    for i in range(n):
+        if reach <= i < reach + inner:
+            continue
+        for k in range(-reach, reach + 1):
+            at, weight = _mirrored(i + k, n), weights[k + reach]
+            for j in range(m):
+                smooth[i * m + j] += weight * flat[at * m + j]
+    return smooth.reshape((n, m))
+
+
+@compiled
+def absorbed(log, across, beyond, weights):  # type: ignore[no-untyped-def]
+    """As `reference.absorbed`."""
+    n, m = log.shape
+    left, right = _level(log[:, :beyond], weights), _level(log[:, m - beyond :], weights)
+    middle = -(across[0] + across[beyond - 1]) / 2
+    share = (across + middle) / (2 * middle)
+    dark = np.empty((n, m))
+    for i in range(n):
+        before, change = left[i, 0], right[i, 0] - left[i, 0]
+        for j in range(m):
+            dark[i, j] = before + share[j] * change - log[i, j]
+    return dark
+
+
+@compiled
+def normals(line):  # type: ignore[no-untyped-def]
+    """As `reference.normals`."""
+    last = len(line) - 1
+    across = np.empty((last + 1, 2))
+    for i in range(last + 1):
+        before, behind = max(i - 1, 0), min(i + 1, last)
+        x, y = line[behind, 0] - line[before, 0], line[behind, 1] - line[before, 1]
+        length = max(sqrt(x**2 + y**2), 1e-9)
+        across[i, 0], across[i, 1] = -y / length, x / length
+    return across
+
+
+@compiled
+def evenly(line, spacing):  # type: ignore[no-untyped-def]
+    """As `reference.evenly`."""
+    n = len(line)
+    way = np.zeros(n)
+    for i in range(1, n):
+        x, y = line[i, 0] - line[i - 1, 0], line[i, 1] - line[i - 1, 1]
+        way[i] = way[i - 1] + sqrt(x**2 + y**2)
+    count = max(2, round(way[n - 1] / spacing) + 1)
+    found = np.empty((count, 2))
+    piece = 0
+    for i in range(count):
+        at = way[n - 1] * i / (count - 1)
+        while piece < n - 2 and way[piece + 1] <= at:
+            piece += 1
+        share = min((at - way[piece]) / max(way[piece + 1] - way[piece], 1e-300), 1.0)
+        for axis in range(2):
+            found[i, axis] = line[piece, axis] + share * (line[piece + 1, axis] - line[piece, axis])
+    return found

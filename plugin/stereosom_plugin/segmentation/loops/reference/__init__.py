@@ -1,8 +1,9 @@
 """What takes the time of a segmentation, in plain numpy: `compiled` must give the same, faster."""
 
 from .ends import discs, even, shadow, smooth, tail
-from .lines import absorbed, best_way, blurred, log_across, medians, tube_profile
+from .lines import absorbed, best_way, blurred, evenly, log_across, medians, normals
 from .pictures import darker_lines, draw_line, shifted
+from .profiles import fitted_profile, tube_profile
 
 __all__ = [
     "absorbed",
@@ -12,8 +13,11 @@ __all__ = [
     "discs",
     "draw_line",
     "even",
+    "evenly",
+    "fitted_profile",
     "log_across",
     "medians",
+    "normals",
     "shadow",
     "shifted",
     "smooth",
