@@ -224,29 +224,28 @@ class Backbone:
         s = np.atleast_1d(np.asarray(s, dtype=float))
         # The method's error falls with the fourth power of the step: take fine ones, in whole
         # numbers from the base to the first place, and from each to the next.
-        before = np.concatenate([[0.0], s[:-1]])
-        gaps = s - before
-        pieces = np.ceil(gaps / (self.length / _FRAME_STEPS) - 1e-6).astype(int)
+        pieces = np.diff(s, prepend=0.0) / (self.length / _FRAME_STEPS)
+        pieces = np.ceil(pieces - 1e-6).astype(int)
         within = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-        steps = np.repeat(gaps / np.maximum(pieces, 1), pieces)
-        fine = np.append(np.repeat(before, pieces) + within * steps, s[-1])
-        points, tangents = self(fine), self.tangent(fine)
-        normals = np.empty_like(tangents)
-        seed = np.eye(3)[np.argmin(np.abs(tangents[0]))]
-        normal = np.cross(tangents[0], seed)
-        normals[0] = normal / np.linalg.norm(normal)
-        chords = np.diff(points, axis=0)
-        first = _reflections(chords)  # none, where arc lengths differ by rounding alone
-        turned = np.einsum("nij,nj->ni", first, tangents[:-1])
-        moves = _reflections(tangents[1:] - turned) @ first
-        # All of the moves up to each one: in pairs, in pairs of those, and so on.
-        apart = 1
-        while apart < len(moves):
-            moves[apart:] = moves[apart:] @ moves[:-apart]
-            apart *= 2
-        normals[1:] = moves @ normals[0]
+        # Between places they are even in the spline's parameter: that need not be looked for.
+        place = self._arc_length.parameter(s)
+        before = np.append(self.knots[self.degree], place[:-1])
+        steps = np.repeat((place - before) / np.maximum(pieces, 1), pieces)
+        fine = np.append(np.repeat(before, pieces) + within * steps, place[-1])
+        points, tangents = self._spline(fine), self._spline(fine, nu=1)
+        tangents /= np.sqrt(_dot(tangents, tangents))[:, None]
+        # At each place two normals of its own. Each move turns those of one place against those
+        # of the next, and the turns add up: at the base the first of them is taken.
+        own = perpendicular(tangents)
+        once = _reflected(np.stack([tangents[:-1], own[:-1]]), np.diff(points, axis=0))
+        moved = _reflected(once[1], tangents[1:] - once[0])
+        other = _cross(tangents, own)
+        turns = np.arctan2(_dot(moved, other[1:]), _dot(moved, own[1:]))
+        turned = np.append(0.0, np.cumsum(turns))[:, None]
+        normals = np.cos(turned) * own + np.sin(turned) * other
         at = np.cumsum(pieces)
-        return np.stack([tangents[at], normals[at], np.cross(tangents[at], normals[at])], axis=1)
+        tangents, normals = tangents[at], normals[at]
+        return np.stack([tangents, normals, _cross(tangents, normals)], axis=1)
 
     # ---- the spline ------------------------------------------------------------------
 
@@ -266,11 +265,28 @@ class Backbone:
         return np.asarray(self._spline(parameter, nu=order))
 
 
-def _reflections(across: Floats) -> Floats:
-    """Reflections (n, 3, 3) in the planes across vectors (n, 3); the identity for a zero one."""
-    square = np.sum(across**2, axis=1)[:, None, None]
-    outer = across[:, :, None] * across[:, None, :]
-    return np.asarray(np.eye(3) - np.where(square > 1e-24, 2 * outer / (square + 1e-300), 0.0))
+def perpendicular(vectors: Floats) -> Floats:
+    """Unit vectors (n, 3) perpendicular to others of length one; which of them is arbitrary."""
+    seed = np.eye(3)[np.argmin(np.abs(vectors), axis=1)]
+    across = _cross(vectors, seed)
+    return np.asarray(across / np.sqrt(_dot(across, across))[:, None])
+
+
+def _reflected(vectors: Floats, across: Floats) -> Floats:
+    """Vectors (..., n, 3), each reflected in the plane across one of (n, 3); or not, by zero."""
+    square = _dot(across, across)
+    share = np.where(square > 1e-24, 2 * _dot(vectors, across) / (square + 1e-300), 0.0)
+    return np.asarray(vectors - share[..., None] * across)
+
+
+def _dot(one: Floats, other: Floats) -> Floats:
+    return np.asarray(np.einsum("...i,...i", one, other))
+
+
+def _cross(one: Floats, other: Floats) -> Floats:
+    """As numpy's, in a quarter of the time."""
+    (x, y, z), (u, v, w) = one.T, other.T
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
 
 
 @lru_cache(maxsize=64)

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from .arrays import Booleans, Floats, check_array
-from .backbone import Backbone
+from .backbone import Backbone, perpendicular
 
 Status = Literal["ok", "predicted", "lost", "failed"]
 _STATUSES: tuple[str, ...] = get_args(Status)
@@ -122,11 +122,19 @@ class Reconstruction:
         backbone, _ = self._curve()
         s = np.asarray(s, dtype=float)
         covariance = self.covariance_at(s)
-        tangent = backbone.tangent(s)
-        across = np.eye(3) - tangent[:, :, None] * tangent[:, None, :]
+        largest = np.empty(len(s))
         at_end = (s <= 1e-6 * backbone.length) | (s >= (1 - 1e-6) * backbone.length)
-        across[at_end] = np.eye(3)
-        largest = np.linalg.eigvalsh(across @ covariance @ across)[:, -1]
+        largest[at_end] = np.linalg.eigvalsh(covariance[at_end])[:, -1]
+        if not at_end.all():
+            # Across the curve there are but two directions.
+            tangent = backbone.tangent(s)
+            one = perpendicular(tangent)
+            two = np.cross(tangent, one)
+            toward = np.einsum("nij,nj->ni", covariance, one)
+            in_one, both = np.sum(toward * one, axis=1), np.sum(toward * two, axis=1)
+            in_two = np.einsum("ni,nij,nj->n", two, covariance, two)
+            across = (in_one + in_two) / 2 + np.hypot((in_one - in_two) / 2, both)
+            largest = np.where(at_end, largest, across)
         return np.asarray(np.sqrt(np.maximum(largest, 0.0)))
 
     def determined_at(self, s: Any) -> Booleans:
