@@ -31,7 +31,14 @@ def same(name, *arguments, within=1e-9):
 def test_light_across_a_line():
     picture = rng.random((30, 30)).astype(np.float32)
     normals = rng.normal(size=(40, 2))
-    same("log_across", picture, line(), normals, np.arange(-3.0, 4), 0.1, within=1e-5)
+    for points in (line(), 10 + 0.3 * line()):  # beyond the border, and within
+        (light,) = same(
+            "light_across", picture, points, normals, np.arange(-3.0, 4), 0.1, within=1e-5
+        )
+        assert light.min() == np.float32(0.1)
+    corner = np.array([[29.0, 29], [0, 0], [0, 28.5]])
+    same("light_across", picture, corner, normals[:3], np.zeros(1), 0.1, within=1e-5)
+    same("light_across", np.asfortranarray(picture), line(), normals, np.zeros(1), 0.1, within=1e-5)
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 8, 49])

@@ -92,10 +92,10 @@ def _darker(view: View, line: Floats, radius: float, unit: float) -> tuple[Float
 
 def _longest(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> tuple[int, int]:
     """First step of the longest stretch that is seen but for short gaps, and that beyond it."""
-    closed = ndimage.binary_closing(np.pad(seen, GAP), iterations=GAP // 2)[GAP:-GAP]
-    pieces, count = ndimage.label(closed)
-    if count == 0:
+    at = np.flatnonzero(seen)
+    if len(at) == 0:
         return 0, 0
-    longest = 1 + int(np.bincount(pieces)[1:].argmax())
-    at = np.flatnonzero((pieces == longest) & seen)
-    return (int(at[0]), int(at[-1]) + 1) if len(at) else (0, 0)
+    breaks = np.flatnonzero(np.diff(at) > GAP + 1)
+    first, last = at[np.append(0, breaks + 1)], at[np.append(breaks, len(at) - 1)]
+    longest = np.argmax(last - first)
+    return int(first[longest]), int(last[longest]) + 1

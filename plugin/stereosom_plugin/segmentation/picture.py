@@ -106,7 +106,8 @@ def log_across(picture: Gray, line: Floats, normals: Floats, across: Floats) -> 
         Points, px, and directions across.
     across : (m,) array
     """
-    return np.asarray(loops().log_across(picture, line, normals, across, darkest(picture)))
+    light = loops().light_across(picture, line, normals, across, darkest(picture))
+    return np.asarray(np.log(light))  # numpy's does several at once
 
 
 def median(values: npt.NDArray[Any], axis: int) -> npt.NDArray[Any]:

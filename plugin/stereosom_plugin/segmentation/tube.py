@@ -223,7 +223,7 @@ def _center(darkness: Floats, across: Floats, half: float, first: float, last: f
     if not shown.all() and shown[begin:end].any():
         seen = steps[begin:end][shown[begin:end]]
         center = np.interp(steps, seen, center[seen])
-    around = np.pad(center[begin:end], 3, mode="edge")
+    around = center[np.clip(np.arange(begin - 3, end + 3), begin, end - 1)]
     inner = median(np.lib.stride_tricks.sliding_window_view(around, 7), axis=1)
     # Mirrored through its ends, a line keeps its direction there when it is smoothed.
     count = min(12, len(inner) - 1)

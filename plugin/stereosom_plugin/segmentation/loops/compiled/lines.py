@@ -10,25 +10,34 @@ from .numba_options import compiled
 
 
 @compiled
-def log_across(picture, line, normals, across, least):  # type: ignore[no-untyped-def]
-    """As `reference.log_across`."""
+def light_across(picture, line, normals, across, least):  # type: ignore[no-untyped-def]
+    """As `reference.light_across`."""
     rows, columns = picture.shape
     n, m = len(line), len(across)
-    log = np.empty((n, m), np.float32)
-    least = np.float32(least)
+    light = np.empty((n, m), np.float32)
+    least, pixels = np.float32(least), np.ascontiguousarray(picture).reshape(rows * columns)
     for i in range(n):
         x_first, y_first = line[i]
         x_ahead, y_ahead = normals[i]
+        x_least, x_last = x_first + across[0] * x_ahead, x_first + across[m - 1] * x_ahead
+        y_least, y_last = y_first + across[0] * y_ahead, y_first + across[m - 1] * y_ahead
+        inside = min(x_least, x_last) >= 0 and max(x_least, x_last) < columns - 1
+        inside = inside and min(y_least, y_last) >= 0 and max(y_least, y_last) < rows - 1
         for j in range(m):
-            x = min(max(x_first + across[j] * x_ahead, 0.0), columns - 1.0)
-            y = min(max(y_first + across[j] * y_ahead, 0.0), rows - 1.0)
-            column, row = int(x), int(y)
-            right, below = min(column + 1, columns - 1), min(row + 1, rows - 1)
-            x, y = x - column, y - row
-            upper = (1 - x) * picture[row, column] + x * picture[row, right]
-            lower = (1 - x) * picture[below, column] + x * picture[below, right]
-            log[i, j] = np.log(max(np.float32((1 - y) * upper + y * lower), least))
-    return log
+            x, y = x_first + across[j] * x_ahead, y_first + across[j] * y_ahead
+            right, down = 1, columns
+            if not inside:
+                x, y = min(max(x, 0.0), columns - 1.0), min(max(y, 0.0), rows - 1.0)
+                right, down = int(x < columns - 1), columns * int(y < rows - 1)
+            column, row = np.int32(x), np.int32(y)
+            x_share, y_share = np.float32(x - column), np.float32(y - row)
+            # Without a sign, a place need not be looked at for a negative one.
+            at, below = np.uint64(row * columns + column), np.uint64(row * columns + column + down)
+            right = np.uint64(right)
+            upper = pixels[at] + x_share * (pixels[at + right] - pixels[at])
+            lower = pixels[below] + x_share * (pixels[below + right] - pixels[below])
+            light[i, j] = max(upper + y_share * (lower - upper), least)
+    return light
 
 
 @compiled

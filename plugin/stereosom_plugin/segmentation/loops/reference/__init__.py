@@ -1,7 +1,7 @@
 """What takes the time of a segmentation, in plain numpy: `compiled` must give the same, faster."""
 
 from .ends import discs, even, shadow, smooth, tail
-from .lines import absorbed, best_way, blurred, evenly, log_across, medians, normals
+from .lines import absorbed, best_way, blurred, evenly, light_across, medians, normals
 from .pictures import darker_lines, draw_line, shifted
 from .profiles import fitted_profile, tube_profile
 
@@ -15,7 +15,7 @@ __all__ = [
     "even",
     "evenly",
     "fitted_profile",
-    "log_across",
+    "light_across",
     "medians",
     "normals",
     "shadow",

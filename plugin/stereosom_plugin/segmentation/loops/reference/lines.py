@@ -13,8 +13,10 @@ from stereosom.arrays import Floats, Integers
 Gray = npt.NDArray[np.float32]
 
 
-def log_across(picture: Gray, line: Floats, normals: Floats, across: Floats, least: float) -> Gray:
-    """Logarithm of the light, (n, m), at m places across each of n points of a line.
+def light_across(
+    picture: Gray, line: Floats, normals: Floats, across: Floats, least: float
+) -> Gray:
+    """Light, (n, m), at m places across each of n points of a line.
 
     Parameters
     ----------
@@ -31,7 +33,7 @@ def log_across(picture: Gray, line: Floats, normals: Floats, across: Floats, lea
     light = ndimage.map_coordinates(
         picture, [place[..., 1], place[..., 0]], order=1, mode="nearest", output=np.float32
     )
-    return np.asarray(np.log(np.maximum(light, np.float32(least))))
+    return np.asarray(np.maximum(light, np.float32(least)))
 
 
 def medians(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
