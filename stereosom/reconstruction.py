@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from .arrays import Booleans, Floats, check_array
-from .backbone import Backbone, perpendicular
+from .backbone import Backbone, cross, dot, perpendicular
 
 Status = Literal["ok", "predicted", "lost", "failed"]
 _STATUSES: tuple[str, ...] = get_args(Status)
@@ -129,10 +129,9 @@ class Reconstruction:
             # Across the curve there are but two directions.
             tangent = backbone.tangent(s)
             one = perpendicular(tangent)
-            two = np.cross(tangent, one)
-            toward = np.einsum("nij,nj->ni", covariance, one)
-            in_one, both = np.sum(toward * one, axis=1), np.sum(toward * two, axis=1)
-            in_two = np.einsum("ni,nij,nj->n", two, covariance, two)
+            two = cross(tangent, one)
+            by_one, by_two = (np.einsum("nij,nj->ni", covariance, side) for side in (one, two))
+            in_one, in_two, both = dot(by_one, one), dot(by_two, two), dot(by_one, two)
             across = (in_one + in_two) / 2 + np.hypot((in_one - in_two) / 2, both)
             largest = np.where(at_end, largest, across)
         return np.asarray(np.sqrt(np.maximum(largest, 0.0)))

@@ -41,13 +41,16 @@ def test_light_across_a_line():
     same("light_across", np.asfortranarray(picture), line(), normals, np.zeros(1), 0.1, within=1e-5)
 
 
-@pytest.mark.parametrize("count", [1, 2, 5, 8, 49])
+@pytest.mark.parametrize("count", [1, 2, 5, 8, 49, 96, 301])
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 def test_medians(count, kind):
     values = rng.integers(0, 9, (60, count)).astype(kind)
     (found,) = same("medians", values)
     assert np.allclose(found, np.median(values, axis=1))
     same("medians", values.T[:, ::2])
+    same("medians", np.sort(values, axis=1))
+    # Where a sample says little of the rest.
+    same("medians", np.where(np.arange(count) % 4 == 0, 9, values).astype(kind))
 
 
 def test_the_best_way_also_where_ways_are_worth_the_same():

@@ -52,6 +52,8 @@ class Window:
         Standard deviation of the root where there is no device.
     compared : (rows, columns) array of bool
         Pixels that are worth to be compared.
+    places : (n,) array of int
+        Their numbers: a pick by number takes a third of the time.
     """
 
     def __init__(self, picture: Gray, mask: Mask, tube: Tube, end: int, reach: float) -> None:
@@ -85,6 +87,7 @@ class Window:
         device = np.isin(pieces, pieces[drawn & (pieces > 0)])
         self.compared: Booleans = ndimage.binary_dilation(device | drawn, iterations=BESIDE)
         self.compared[::SPARSE, ::SPARSE] |= self.root[::SPARSE, ::SPARSE] > PALE
+        self.places = np.flatnonzero(self.compared)
 
     def inside(self, pixels: Floats) -> Floats:
         """Pixels (n, 2) of the picture as those of the window."""
@@ -98,7 +101,7 @@ class Window:
 
     def root_of(self, light: Floats, weights: Floats) -> Floats:
         """Root of the light, (rows, columns), at the compared pixels, after a blur."""
-        return np.asarray(np.sqrt(loops().smooth(light, weights)[self.compared]))
+        return np.asarray(np.sqrt(loops().smooth(light, weights).ravel()[self.places]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +171,6 @@ class Covering:
         pace = max(float(tail.way[-1] - tail.way[-2]), 1e-6)
         share = loops().shadow(self.pixels, tail.points, self.radius, pace, True, self.face)
         share = np.maximum(self.body, share)
-        light = np.ones(self.window.root.shape)
-        light[self.window.compared] = np.exp(-absorption * share)
-        return self.window.root_of(light, self.weights)
+        light = np.ones(self.window.root.size)
+        light[self.window.places] = np.exp(-absorption * share)
+        return self.window.root_of(light.reshape(self.window.root.shape), self.weights)
