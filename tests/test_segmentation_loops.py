@@ -126,6 +126,17 @@ def test_a_tail_in_the_view_that_looks_along_it():
     assert way[0] == 0
 
 
+def test_a_damped_step_and_what_it_tells_of_the_slopes():
+    slopes, misfit = rng.normal(size=(60, 4)), rng.normal(size=60)
+    (step,) = same("damped_step", slopes, misfit, 1e-2)
+    assert np.sum((misfit + slopes @ step) ** 2) < np.sum(misfit**2)
+    change, mended = rng.normal(size=60), [slopes.copy(), slopes.copy()]
+    for one, which in zip(mended, (compiled, reference), strict=True):
+        which.learn_slopes(one, change, step)
+        assert np.allclose(one @ step, change)
+    assert np.allclose(*mended)
+
+
 def test_a_line_is_drawn_also_across_the_border_and_around_bends():
     turn = np.linspace(0, 5, 60)
     lines = [line(), 15 + np.column_stack([9 * np.cos(turn), 6 * np.sin(turn)])]

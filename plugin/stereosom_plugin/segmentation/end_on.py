@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereosom.arrays import Floats
+from stereosom.backbone import cross
 from stereosom.camera import Camera, StereoRig, triangulate
 from stereosom.matching import match_monotone
 
@@ -101,9 +102,9 @@ class EndOn:
         heading = np.gradient(self.tail, axis=0)[-most:]
         heading /= np.linalg.norm(heading, axis=1, keepdims=True)
         helper = np.eye(3)[np.argmin(np.abs(self.heading))]
-        first = np.cross(heading, helper)
+        first = cross(heading, np.broadcast_to(helper, heading.shape))
         first /= np.linalg.norm(first, axis=1, keepdims=True)
-        second = np.cross(heading, first)
+        second = cross(heading, first)
         around = np.linspace(0, 2 * np.pi, 40, endpoint=False)[:, None]
         rim = np.cos(around) * first[:, None] + np.sin(around) * second[:, None]
         scale = radius * float(camera.pixel_size(self.place[None])[0])
@@ -323,13 +324,10 @@ class _Tail:
         slopes = np.stack(columns, axis=1)
         little = 0
         for _ in range(TRIES):
-            normal = slopes.T @ slopes
-            step = np.linalg.solve(
-                normal + damping * np.diag(np.diag(normal) + 1e-6), -slopes.T @ misfit
-            )
+            step = loops().damped_step(slopes, misfit, damping)
             there = self.misfit(bend + step, picture)
-            # The slopes as this step has shown them (Broyden), whether it was a good one or not.
-            slopes += np.outer(there - misfit - slopes @ step, step) / (step @ step)
+            # The slopes as this step has shown them, whether it was a good one or not.
+            loops().learn_slopes(slopes, there - misfit, step)
             won = cost - float(there @ there)
             if won > 0:
                 bend, misfit, cost, damping = bend + step, there, cost - won, damping / 4

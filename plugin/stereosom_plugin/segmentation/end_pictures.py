@@ -21,7 +21,7 @@ from stereosom.arrays import Booleans, Floats
 from stereosom.camera import Camera
 
 from .loops import loops
-from .picture import Gray, Mask, binned, darkest, gaussian, log_light
+from .picture import Gray, Mask, binned, darkest, gaussian, log_light, middle, spread
 from .tube import Tube
 
 # Pixels of the device that are compared, beside it, and of those that are merely empty.
@@ -69,23 +69,22 @@ class Window:
         drawn = binned(mask[part].astype(np.float32), factor) > 0
         width = 2 * round(3 * self.radius) + 5
         log = log_light(light, darkest(picture))
-        lit = ndimage.grey_closing(
-            ndimage.gaussian_filter(log, 0.6), (width, width), mode="nearest"
-        )
-        lit = ndimage.gaussian_filter(lit, 2.0)
-        empty = ~ndimage.binary_dilation(drawn, iterations=BESIDE)
+        lit = loops().smooth(log, gaussian(0.6))
+        lit = ndimage.grey_closing(lit, (width, width), mode="nearest")
+        lit = loops().smooth(lit, gaussian(2.0))
+        empty = ~spread(drawn, BESIDE)
         if np.count_nonzero(empty) > 30:
-            lit += np.median((log - lit)[empty])  # a closing lies above what is noisy
+            lit += middle((log - lit)[empty])  # a closing lies above what is noisy
         self._low = low
         # Unlike its logarithm, the root may go down to no light at all.
         self.root = np.sqrt(np.maximum(light, 0) / np.exp(lit))
-        spread = 1.4826 * np.median(np.abs(self.root[empty] - 1)) if empty.any() else 0.0
-        self.noise = max(float(spread), LEAST_NOISE)
+        noise = 1.4826 * middle(np.abs(self.root[empty] - 1)) if empty.any() else 0.0
+        self.noise = max(noise, LEAST_NOISE)
         edge = 0.5 * (1 + np.exp(-0.5 * tube.absorption))
         # What is dark and hangs together with the device; the rest is anatomy, or other wires.
         pieces, _ = ndimage.label(self.root < edge, np.ones((3, 3)))
         device = np.isin(pieces, pieces[drawn & (pieces > 0)])
-        self.compared: Booleans = ndimage.binary_dilation(device | drawn, iterations=BESIDE)
+        self.compared: Booleans = spread(device | drawn, BESIDE)
         self.compared[::SPARSE, ::SPARSE] |= self.root[::SPARSE, ::SPARSE] > PALE
         self.places = np.flatnonzero(self.compared)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from .lines import _mirrored
 from .numba_options import compiled
+from .profiles import _solve
 
 
 @compiled
@@ -141,3 +142,35 @@ def discs(centers, step, across, along, shape):  # type: ignore[no-untyped-def]
                         part = (right if over else 1 - right) * (below if down else 1 - below)
                         heap[y_at, x_at] += part
     return heap
+
+
+@compiled
+def damped_step(slopes, misfit, damping):  # type: ignore[no-untyped-def]
+    """As `reference.damped_step`."""
+    n = slopes.shape[1]
+    normal, side = np.zeros((n, n)), np.zeros(n)
+    for i in range(len(slopes)):
+        for a in range(n):
+            side[a] -= slopes[i, a] * misfit[i]
+            for b in range(a + 1):
+                normal[a, b] += slopes[i, a] * slopes[i, b]
+    for a in range(n):
+        normal[a, a] += damping * (normal[a, a] + 1e-6)
+        for b in range(a):
+            normal[b, a] = normal[a, b]
+    _solve(normal, side)
+    return side
+
+
+@compiled
+def learn_slopes(slopes, change, step):  # type: ignore[no-untyped-def]
+    """As `reference.learn_slopes`."""
+    square = 0.0
+    for a in range(len(step)):
+        square += step[a] ** 2
+    for i in range(len(slopes)):
+        missing = change[i]
+        for a in range(len(step)):
+            missing -= slopes[i, a] * step[a]
+        for a in range(len(step)):
+            slopes[i, a] += missing * step[a] / square

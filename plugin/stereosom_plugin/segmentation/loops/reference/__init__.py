@@ -1,6 +1,6 @@
 """What takes the time of a segmentation, in plain numpy: `compiled` must give the same, faster."""
 
-from .ends import discs, even, shadow, smooth, tail
+from .ends import damped_step, discs, even, learn_slopes, shadow, smooth, tail
 from .lines import absorbed, best_way, blurred, evenly, light_across, medians, normals
 from .pictures import darker_lines, draw_line, shifted
 from .profiles import fitted_profile, tube_profile
@@ -9,12 +9,14 @@ __all__ = [
     "absorbed",
     "best_way",
     "blurred",
+    "damped_step",
     "darker_lines",
     "discs",
     "draw_line",
     "even",
     "evenly",
     "fitted_profile",
+    "learn_slopes",
     "light_across",
     "medians",
     "normals",

@@ -149,3 +149,15 @@ def heaped(points: Floats, shape: tuple[int, int]) -> Floats:
     heap = np.bincount(place, share, (rows + 3) * (columns + 2))
     heap = heap[: (rows + 2) * (columns + 2)].reshape(rows + 2, columns + 2)
     return np.asarray(heap[1:-1, 1:-1])
+
+
+def damped_step(slopes: Floats, misfit: Floats, damping: float) -> Floats:
+    """Step (4,) of Levenberg and Marquardt's, from slopes (n, 4) and a misfit (n,)."""
+    normal = slopes.T @ slopes
+    normal += damping * np.diag(np.diag(normal) + 1e-6)
+    return np.asarray(np.linalg.solve(normal, -slopes.T @ misfit), dtype=float)
+
+
+def learn_slopes(slopes: Floats, change: Floats, step: Floats) -> None:
+    """Mend slopes (n, 4), in place, so that a step (4,) gives the change (n,) it gave (Broyden)."""
+    slopes += np.outer(change - slopes @ step, step) / (step @ step)
