@@ -12,6 +12,7 @@ from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 from .arc_length import ArcLength
 from .arrays import Floats, check_array
 from .refine.kernels import kernels
+from .vectors import cross, dot, perpendicular, reflected
 
 # Steps of the method that carries frames along, over the whole length, about: two between each
 # pair of the 200 points that files hold.
@@ -236,8 +237,8 @@ class Backbone:
         # At each place two normals of its own. Each move turns those of one place against those
         # of the next, and the turns add up: at the base the first of them is taken.
         own = perpendicular(tangents)
-        once = _reflected(np.stack([tangents[:-1], own[:-1]]), np.diff(points, axis=0))
-        moved = _reflected(once[1], tangents[1:] - once[0])
+        once = reflected(np.stack([tangents[:-1], own[:-1]]), np.diff(points, axis=0))
+        moved = reflected(once[1], tangents[1:] - once[0])
         other = cross(tangents, own)
         turns = np.arctan2(dot(moved, other[1:]), dot(moved, own[1:]))
         turned = np.append(0.0, np.cumsum(turns))[:, None]
@@ -262,31 +263,6 @@ class Backbone:
         if order > self.degree:
             return np.zeros((*parameter.shape, 3))
         return np.asarray(self._spline(parameter, nu=order))
-
-
-def perpendicular(vectors: Floats) -> Floats:
-    """Unit vectors (n, 3) perpendicular to others of length one; which of them is arbitrary."""
-    seed = np.eye(3)[np.argmin(np.abs(vectors), axis=1)]
-    across = cross(vectors, seed)
-    return np.asarray(across / np.sqrt(dot(across, across))[:, None])
-
-
-def _reflected(vectors: Floats, across: Floats) -> Floats:
-    """Vectors (..., n, 3), each reflected in the plane across one of (n, 3); or not, by zero."""
-    square = dot(across, across)
-    share = np.where(square > 1e-24, 2 * dot(vectors, across) / (square + 1e-300), 0.0)
-    return np.asarray(vectors - share[..., None] * across)
-
-
-def dot(one: Floats, other: Floats) -> Floats:
-    """Products of vectors (..., 3), each with its other."""
-    return np.asarray(np.einsum("...i,...i", one, other))
-
-
-def cross(one: Floats, other: Floats) -> Floats:
-    """As numpy's, of vectors (..., 3), in a quarter of the time."""
-    (x, y, z), (u, v, w) = np.moveaxis(one, -1, 0), np.moveaxis(other, -1, 0)
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
 @lru_cache(maxsize=64)

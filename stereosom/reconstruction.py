@@ -8,7 +8,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from .arrays import Booleans, Floats, check_array
-from .backbone import Backbone, cross, dot, perpendicular
+from .backbone import Backbone
+from .vectors import cross, dot, perpendicular
 
 Status = Literal["ok", "predicted", "lost", "failed"]
 _STATUSES: tuple[str, ...] = get_args(Status)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereosom.arrays import Floats
-from stereosom.backbone import cross
 from stereosom.camera import Camera, StereoRig, triangulate
 from stereosom.matching import match_monotone
+from stereosom.vectors import cross
 
 from .end_pictures import Additive, Axis, Covering, EndPicture, Window
 from .loops import loops
