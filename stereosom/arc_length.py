@@ -80,11 +80,12 @@ class ArcLength:
         parameter = np.clip(parameter, nodes[span], nodes[span + 1])
         for _ in range(4):
             missing = wanted - reached[span] - self._between(nodes[span], parameter)
-            if np.abs(missing).max(initial=0.0) < 1e-11 * self.total:
-                break
             # A speed near zero (a cusp) must not throw the step out of its span.
             speed = np.maximum(self._speed(parameter), 1e-9 * self.total)
             parameter = np.clip(parameter + missing / speed, nodes[span], nodes[span + 1])
+            # The next step would be about the square of this one, as shares of the whole.
+            if np.abs(missing).max(initial=0.0) < 2e-7 * self.total:
+                break
         parameter = np.asarray(parameter.reshape(s.shape))
         # A list of its own, so that another thread may look through the one before.
         self._asked = [(s.copy(), parameter), *asked[: _REMEMBERED - 1]]

@@ -12,6 +12,7 @@ from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 from .arc_length import ArcLength
 from .arrays import Floats, check_array
 from .refine.kernels import kernels
+from .vectors import cross, dot, perpendicular, reflected
 
 # Steps of the method that carries frames along, over the whole length, about: two between each
 # pair of the 200 points that files hold.
@@ -191,22 +192,21 @@ class Backbone:
     def tangent(self, s: Any) -> Floats:
         """Unit tangents towards the tip, (n, 3) or (3,)."""
         velocity = self._derivative(s, 1)
-        return np.asarray(velocity / np.linalg.norm(velocity, axis=-1, keepdims=True))
+        return np.asarray(velocity / np.sqrt(dot(velocity, velocity))[..., None])
 
     def curvature(self, s: Any) -> Floats:
         """Curvature, 1/mm: |r′ × r″| / |r′|³."""
         first, second = self._derivative(s, 1), self._derivative(s, 2)
-        bend = np.linalg.norm(np.cross(first, second), axis=-1)
-        return np.asarray(bend / np.linalg.norm(first, axis=-1) ** 3)
+        bend = cross(first, second)
+        return np.asarray(np.sqrt(dot(bend, bend)) / dot(first, first) ** 1.5)
 
     def torsion(self, s: Any) -> Floats:
         """Torsion, 1/mm: r′·(r″ × r‴) / |r′ × r″|²; zero where the curve is straight."""
         first, second, third = (self._derivative(s, order) for order in (1, 2, 3))
-        binormal = np.cross(first, second)
-        strength = np.sum(binormal**2, axis=-1)
-        twist = np.sum(binormal * third, axis=-1)
+        binormal = cross(first, second)
+        strength, twist = dot(binormal, binormal), dot(binormal, third)
         # Below a radius of a kilometre the curve is straight, and its torsion undefined.
-        bent = strength > (1e-6 * np.linalg.norm(first, axis=-1) ** 3) ** 2
+        bent = strength > 1e-12 * dot(first, first) ** 3
         return np.asarray(np.where(bent, twist / np.where(bent, strength, 1.0), 0.0))
 
     def frames(self, s: Any) -> Floats:
@@ -224,29 +224,28 @@ class Backbone:
         s = np.atleast_1d(np.asarray(s, dtype=float))
         # The method's error falls with the fourth power of the step: take fine ones, in whole
         # numbers from the base to the first place, and from each to the next.
-        before = np.concatenate([[0.0], s[:-1]])
-        gaps = s - before
-        pieces = np.ceil(gaps / (self.length / _FRAME_STEPS) - 1e-6).astype(int)
+        pieces = np.diff(s, prepend=0.0) / (self.length / _FRAME_STEPS)
+        pieces = np.ceil(pieces - 1e-6).astype(int)
         within = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-        steps = np.repeat(gaps / np.maximum(pieces, 1), pieces)
-        fine = np.append(np.repeat(before, pieces) + within * steps, s[-1])
-        points, tangents = self(fine), self.tangent(fine)
-        normals = np.empty_like(tangents)
-        seed = np.eye(3)[np.argmin(np.abs(tangents[0]))]
-        normal = np.cross(tangents[0], seed)
-        normals[0] = normal / np.linalg.norm(normal)
-        chords = np.diff(points, axis=0)
-        first = _reflections(chords)  # none, where arc lengths differ by rounding alone
-        turned = np.einsum("nij,nj->ni", first, tangents[:-1])
-        moves = _reflections(tangents[1:] - turned) @ first
-        # All of the moves up to each one: in pairs, in pairs of those, and so on.
-        apart = 1
-        while apart < len(moves):
-            moves[apart:] = moves[apart:] @ moves[:-apart]
-            apart *= 2
-        normals[1:] = moves @ normals[0]
+        # Between places they are even in the spline's parameter: that need not be looked for.
+        place = self._arc_length.parameter(s)
+        before = np.append(self.knots[self.degree], place[:-1])
+        steps = np.repeat((place - before) / np.maximum(pieces, 1), pieces)
+        fine = np.append(np.repeat(before, pieces) + within * steps, place[-1])
+        points, tangents = self._spline(fine), self._spline(fine, nu=1)
+        tangents /= np.sqrt(dot(tangents, tangents))[:, None]
+        # At each place two normals of its own. Each move turns those of one place against those
+        # of the next, and the turns add up: at the base the first of them is taken.
+        own = perpendicular(tangents)
+        once = reflected(np.stack([tangents[:-1], own[:-1]]), np.diff(points, axis=0))
+        moved = reflected(once[1], tangents[1:] - once[0])
+        other = cross(tangents, own)
+        turns = np.arctan2(dot(moved, other[1:]), dot(moved, own[1:]))
+        turned = np.append(0.0, np.cumsum(turns))[:, None]
+        normals = np.cos(turned) * own + np.sin(turned) * other
         at = np.cumsum(pieces)
-        return np.stack([tangents[at], normals[at], np.cross(tangents[at], normals[at])], axis=1)
+        tangents, normals = tangents[at], normals[at]
+        return np.stack([tangents, normals, cross(tangents, normals)], axis=1)
 
     # ---- the spline ------------------------------------------------------------------
 
@@ -264,13 +263,6 @@ class Backbone:
         if order > self.degree:
             return np.zeros((*parameter.shape, 3))
         return np.asarray(self._spline(parameter, nu=order))
-
-
-def _reflections(across: Floats) -> Floats:
-    """Reflections (n, 3, 3) in the planes across vectors (n, 3); the identity for a zero one."""
-    square = np.sum(across**2, axis=1)[:, None, None]
-    outer = across[:, :, None] * across[:, None, :]
-    return np.asarray(np.eye(3) - np.where(square > 1e-24, 2 * outer / (square + 1e-300), 0.0))
 
 
 @lru_cache(maxsize=64)

@@ -9,6 +9,7 @@ import numpy as np
 
 from .arrays import Booleans, Floats, check_array
 from .backbone import Backbone
+from .vectors import cross, dot, perpendicular
 
 Status = Literal["ok", "predicted", "lost", "failed"]
 _STATUSES: tuple[str, ...] = get_args(Status)
@@ -122,11 +123,18 @@ class Reconstruction:
         backbone, _ = self._curve()
         s = np.asarray(s, dtype=float)
         covariance = self.covariance_at(s)
-        tangent = backbone.tangent(s)
-        across = np.eye(3) - tangent[:, :, None] * tangent[:, None, :]
+        largest = np.empty(len(s))
         at_end = (s <= 1e-6 * backbone.length) | (s >= (1 - 1e-6) * backbone.length)
-        across[at_end] = np.eye(3)
-        largest = np.linalg.eigvalsh(across @ covariance @ across)[:, -1]
+        largest[at_end] = np.linalg.eigvalsh(covariance[at_end])[:, -1]
+        if not at_end.all():
+            # Across the curve there are but two directions.
+            tangent = backbone.tangent(s)
+            one = perpendicular(tangent)
+            two = cross(tangent, one)
+            by_one, by_two = (np.einsum("nij,nj->ni", covariance, side) for side in (one, two))
+            in_one, in_two, both = dot(by_one, one), dot(by_two, two), dot(by_one, two)
+            across = (in_one + in_two) / 2 + np.hypot((in_one - in_two) / 2, both)
+            largest = np.where(at_end, largest, across)
         return np.asarray(np.sqrt(np.maximum(largest, 0.0)))
 
     def determined_at(self, s: Any) -> Booleans:

@@ -32,6 +32,15 @@ def test_it_is_another_process_where_there_is_one_to_spare():
     assert worker != os.getpid()
 
 
+def test_the_first_frame_of_a_run_is_made_here_and_the_others_ahead():
+    first, *others = run._after_first(os.getpid() for _ in range(3))
+    assert first == os.getpid()
+    assert len(others) == 2
+    if not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
+        pytest.skip("one processor, or another system")
+    assert os.getpid() not in others
+
+
 def test_an_error_comes_after_what_was_made_before():
     def failing():
         yield 1

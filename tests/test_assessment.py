@@ -90,3 +90,18 @@ def test_edge_pixels_tell_no_radius():
 def test_a_result_that_contradicts_itself_is_refused(change):
     with pytest.raises(ValueError):
         Reconstruction(index=0, time=0.0, **change)
+
+
+def test_the_deviation_across_is_that_of_the_covariance_without_the_way_along():
+    curve, rng = arc(), np.random.default_rng(3)
+    root = rng.normal(size=(40, 3, 3))
+    covariance = root @ root.transpose(0, 2, 1)
+    result = Reconstruction(
+        0, 0.0, "ok", backbone=curve, covariance=covariance, residuals=(1.0, 1.0)
+    )
+    s = curve.arc_lengths(40)
+    tangent = curve.tangent(s)
+    across = np.eye(3) - tangent[:, :, None] * tangent[:, None, :]
+    largest = np.linalg.eigvalsh(across @ covariance @ across)[:, -1]
+    expected = np.sqrt(np.append(largest[:-1], np.linalg.eigvalsh(covariance[-1])[-1]))
+    assert result.standard_deviation_at(s[1:]) == pytest.approx(expected[1:], rel=1e-9)

@@ -31,16 +31,26 @@ def same(name, *arguments, within=1e-9):
 def test_light_across_a_line():
     picture = rng.random((30, 30)).astype(np.float32)
     normals = rng.normal(size=(40, 2))
-    same("log_across", picture, line(), normals, np.arange(-3.0, 4), 0.1, within=1e-5)
+    for points in (line(), 10 + 0.3 * line()):  # beyond the border, and within
+        (light,) = same(
+            "light_across", picture, points, normals, np.arange(-3.0, 4), 0.1, within=1e-5
+        )
+        assert light.min() == np.float32(0.1)
+    corner = np.array([[29.0, 29], [0, 0], [0, 28.5]])
+    same("light_across", picture, corner, normals[:3], np.zeros(1), 0.1, within=1e-5)
+    same("light_across", np.asfortranarray(picture), line(), normals, np.zeros(1), 0.1, within=1e-5)
 
 
-@pytest.mark.parametrize("count", [1, 2, 5, 8, 49])
+@pytest.mark.parametrize("count", [1, 2, 5, 8, 49, 96, 301])
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 def test_medians(count, kind):
     values = rng.integers(0, 9, (60, count)).astype(kind)
     (found,) = same("medians", values)
     assert np.allclose(found, np.median(values, axis=1))
     same("medians", values.T[:, ::2])
+    same("medians", np.sort(values, axis=1))
+    # Where a sample says little of the rest.
+    same("medians", np.where(np.arange(count) % 4 == 0, 9, values).astype(kind))
 
 
 def test_the_best_way_also_where_ways_are_worth_the_same():
@@ -48,9 +58,23 @@ def test_the_best_way_also_where_ways_are_worth_the_same():
         same("best_way", values, 0.15 * np.arange(-2, 3) ** 2)
 
 
-@pytest.mark.parametrize("count", [1, 3, 40])
+@pytest.mark.parametrize("count", [1, 3, 17, 40])
 def test_blur_mirrors_beyond_the_ends(count):
     same("blurred", rng.random((count, 2)), gaussian(2.0))
+    same("blurred", rng.random((2, count)).T, gaussian(2.0))
+
+
+def test_directions_across_a_line():
+    (across,) = same("normals", line())
+    assert np.allclose(np.linalg.norm(across, axis=1), 1)
+    same("normals", np.array([[1.0, 1], [1, 1], [2, 1]]))
+
+
+@pytest.mark.parametrize("spacing", [0.3, 2.0, 100.0])
+def test_a_line_at_even_steps(spacing):
+    (points,) = same("evenly", line(), spacing)
+    assert np.allclose(points[[0, -1]], line()[[0, -1]])
+    same("evenly", np.array([[0.0, 0], [0, 0], [3, 4], [3, 4]]), spacing)
 
 
 def test_what_is_absorbed():
@@ -74,17 +98,43 @@ def test_shadow(face, ends, pace):
     assert np.count_nonzero(share) > 100
 
 
-def test_root_of_the_light_after_a_blur():
-    shown = rng.random((20, 25)) < 0.4
-    share = rng.random(np.count_nonzero(shown))
-    same("blurred_root", share, shown, 1.5, gaussian(0.8, reach=3.0))
+@pytest.mark.parametrize("deviation", [0.3, 0.8, 4.0])
+def test_blur_of_a_picture_mirrors_beyond_its_borders(deviation):
+    same("smooth", rng.random((20, 25)), gaussian(deviation, reach=3.0))
+    same("smooth", rng.random((1, 3)), gaussian(deviation, reach=3.0))
 
 
-def test_heaps_of_points_also_beyond_the_border():
-    points = rng.uniform(-4, 24, (500, 2))
-    (heap,) = same("heaped", points, (15, 20))
-    inside = np.all((points >= 0) & (points <= [19, 14]), axis=1)
-    assert heap.sum() >= np.count_nonzero(inside)
+@pytest.mark.parametrize("shape", [(15, 20), (40, 40)])
+@pytest.mark.parametrize("step", [0.9, 2.0])
+def test_heaps_of_discs_also_beyond_the_border(shape, step):
+    across, along = 3 * rng.uniform(-1, 1, (2, 50))
+    (heap,) = same("discs", line(), step, across, along, shape)
+    assert 0 < heap.sum() < 40 * 50
+
+
+def test_a_tail_in_the_view_that_looks_along_it():
+    rays = rng.normal(size=(20, 3))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    projection = np.array([[900.0, 0, 250, 9], [0, 900, 250, 9], [0, 0, 1, 2000]])
+    bend, depth, center = np.array([1.0, -2, 3]), np.linspace(500, 520, 20), rng.normal(size=3)
+    points, way = same("tail", bend, depth, 0.4, center, rays, projection)
+    assert np.allclose(
+        points[0],
+        ((center + depth[0] * rays[0]) @ projection[:, :3].T + projection[:, 3])[:2]
+        / (2000 + (center + depth[0] * rays[0])[2]),
+    )
+    assert way[0] == 0
+
+
+def test_a_damped_step_and_what_it_tells_of_the_slopes():
+    slopes, misfit = rng.normal(size=(60, 4)), rng.normal(size=60)
+    (step,) = same("damped_step", slopes, misfit, 1e-2)
+    assert np.sum((misfit + slopes @ step) ** 2) < np.sum(misfit**2)
+    change, mended = rng.normal(size=60), [slopes.copy(), slopes.copy()]
+    for one, which in zip(mended, (compiled, reference), strict=True):
+        which.learn_slopes(one, change, step)
+        assert np.allclose(one @ step, change)
+    assert np.allclose(*mended)
 
 
 def test_a_line_is_drawn_also_across_the_border_and_around_bends():
@@ -126,6 +176,17 @@ def test_profile_of_a_tube_and_its_slopes():
         moved[number] += 1e-6
         changed = compiled.tube_profile(place, chords, moved)[0]
         assert np.allclose((changed - profile) / 1e-6, slopes[:, number], atol=1e-5)
+
+
+@pytest.mark.parametrize("sure", [0.0, 50.0])
+def test_the_profile_that_fits(sure):
+    place, chords = np.arange(-7, 7.5, 0.5), (np.arange(24) + 0.5) / 24
+    start, true = np.array([2.5, 0.6, 0.8, 0.0]), np.array([3.1, 0.9, 0.9, 0.3])
+    low, high = np.array([0.4, 0.01, 0.3, -2]), np.array([9.0, 6, 2.5, 2])
+    taken = reference.tube_profile(place, chords, true)[0]
+    known = np.array([0, 0, sure, 0])
+    (found,) = same("fitted_profile", place, chords, taken, start, low, high, known, within=1e-6)
+    assert np.abs(found - true).max() < (0.01 if sure == 0 else 0.15)
 
 
 def test_without_numba_numpy_does(monkeypatch):

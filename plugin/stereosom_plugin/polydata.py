@@ -155,7 +155,6 @@ def _sampled(result: Reconstruction, count: int, spacing: float | None) -> tuple
 
 
 def _point_arrays(result: Reconstruction, backbone: Backbone, s: Floats) -> dict[str, Any]:
-    # The frames are asked for at more places than s: first, so that those are not found twice.
     frames = backbone.frames(s)
     deviation = result.standard_deviation_at(s)
     covariance = result.covariance_at(s).reshape(-1, 9)

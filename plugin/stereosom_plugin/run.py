@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,6 @@ from .ahead import ahead
 from .centerline import read_vtp
 from .output import OutputFolder, centerline_path
 from .segmentation import Segmentation, Show, is_own, observe
-from .segmentation.loops import bring_up
 
 # Frames that are made again where an interrupted run goes on.
 REPEATED = 3
@@ -77,11 +76,10 @@ def reconstruct_run(
     left = [frame for frame in frames if frame not in done]
     again = _again(frames, done, left)
     options = _resumed(folder, options, again)
-    wanted = chain(again, progress(left))
-    seen: Iterable[Observation] = observe(acquisition, segment, frames=wanted, show=show)
+    steps = iter(progress(left))
+    seen: Iterable[Observation] = observe(acquisition, segment, frames=[*again, *left], show=show)
     if is_own(segment):  # a user's may hold what cannot be copied
-        bring_up()  # what both processes need is made once
-        seen = ahead(seen)
+        seen = _after_first(seen)
     observations = _watched(seen, watch)
 
     def written(result: Reconstruction) -> Reconstruction:
@@ -101,9 +99,22 @@ def reconstruct_run(
                 continue
             if waiting is not None:
                 yield waiting.result()
+            next(steps, None)
             waiting = disk.submit(written, result)
         if waiting is not None:
             yield waiting.result()
+    next(steps, None)
+
+
+def _after_first(seen: Iterable[Observation]) -> Iterator[Observation]:
+    """Yield the same, all but the first from another process, ahead.
+
+    There is nothing else to be done before the first, and what was loaded and compiled for it
+    here need not be loaded once more there, nor for the next run.
+    """
+    seen = iter(seen)
+    yield from islice(seen, 1)
+    yield from ahead(seen)
 
 
 def _watched(

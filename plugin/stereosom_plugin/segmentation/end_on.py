@@ -15,8 +15,10 @@ import numpy as np
 from stereosom.arrays import Floats
 from stereosom.camera import Camera, StereoRig, triangulate
 from stereosom.matching import match_monotone
+from stereosom.vectors import cross
 
 from .end_pictures import Additive, Axis, Covering, EndPicture, Window
+from .loops import loops
 from .picture import Gray, Mask
 from .tube import Tube
 
@@ -100,9 +102,9 @@ class EndOn:
         heading = np.gradient(self.tail, axis=0)[-most:]
         heading /= np.linalg.norm(heading, axis=1, keepdims=True)
         helper = np.eye(3)[np.argmin(np.abs(self.heading))]
-        first = np.cross(heading, helper)
+        first = cross(heading, np.broadcast_to(helper, heading.shape))
         first /= np.linalg.norm(first, axis=1, keepdims=True)
-        second = np.cross(heading, first)
+        second = cross(heading, first)
         around = np.linspace(0, 2 * np.pi, 40, endpoint=False)[:, None]
         rim = np.cos(around) * first[:, None] + np.sin(around) * second[:, None]
         scale = radius * float(camera.pixel_size(self.place[None])[0])
@@ -270,10 +272,11 @@ class _Tail:
         steps = np.arange(len(beside.line))
         pixels = np.column_stack([np.interp(tail, steps, beside.line[:, i]) for i in (0, 1)])
         self.rays = beside.camera.rays(pixels)
-        self.level, self.slope = begin.depth, begin.slope * (tail[-1] - tail[0])
-        self.share = np.linspace(0, 1, STEPS)
-        self.powers = np.stack([self.share, self.share**2, self.share**3], axis=1)
-        middle = self.beside.center + self.level * self.rays[-1]
+        share = np.linspace(0, 1, STEPS)
+        self.straight = begin.depth + begin.slope * (tail[-1] - tail[0]) * share
+        self.powers = np.stack([share, share**2, share**3], axis=1)
+        self.projection = window.projection(along.camera)
+        middle = self.beside.center + begin.depth * self.rays[-1]
         # Depth that moves a point by a pixel.
         self.unit = float(along.camera.pixel_size(middle[None])[0])
         self.body = Axis(window.inside(begin.body), begin.way / self.unit / window.factor)
@@ -286,16 +289,14 @@ class _Tail:
         self._there = float((along.line[-1] - straight) @ (moved - straight)) / self._per_unit**2
 
     def points(self, bend: Floats) -> Floats:
-        depth = self.level + self.slope * self.share + self.unit * (self.powers @ bend[:3])
+        depth = self.straight + self.unit * (self.powers @ bend[:3])
         return np.asarray(self.beside.center + depth[:, None] * self.rays)
 
     def misfit(self, bend: Floats, picture: EndPicture) -> Floats:
-        points = self.points(bend)
-        way = np.zeros(len(points))
-        steps = points[1:] - points[:-1]
-        np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps)), out=way[1:])
-        line = self.window.inside(self.along.camera.project(points))
-        tail = Axis(line, way / (self.unit * self.window.factor))
+        line, way = loops().tail(
+            bend[:3], self.straight, self.unit, self.beside.center, self.rays, self.projection
+        )
+        tail = Axis(line, way / self.window.factor)
         light = picture(tail, self.along.tube.absorption * float(np.exp(bend[3])))
         off = (light - self.seen) / self.window.noise
         off = np.minimum(np.maximum(off, -MOST_OFF), MOST_OFF)  # takes half as long as a clip
@@ -323,13 +324,10 @@ class _Tail:
         slopes = np.stack(columns, axis=1)
         little = 0
         for _ in range(TRIES):
-            normal = slopes.T @ slopes
-            step = np.linalg.solve(
-                normal + damping * np.diag(np.diag(normal) + 1e-6), -slopes.T @ misfit
-            )
+            step = loops().damped_step(slopes, misfit, damping)
             there = self.misfit(bend + step, picture)
-            # The slopes as this step has shown them (Broyden), whether it was a good one or not.
-            slopes += np.outer(there - misfit - slopes @ step, step) / (step @ step)
+            # The slopes as this step has shown them, whether it was a good one or not.
+            loops().learn_slopes(slopes, there - misfit, step)
             won = cost - float(there @ there)
             if won > 0:
                 bend, misfit, cost, damping = bend + step, there, cost - won, damping / 4

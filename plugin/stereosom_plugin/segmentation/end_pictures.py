@@ -18,9 +18,10 @@ import numpy as np
 from scipy import ndimage
 
 from stereosom.arrays import Booleans, Floats
+from stereosom.camera import Camera
 
 from .loops import loops
-from .picture import Gray, Mask, binned, darkest, gaussian, log_light
+from .picture import Gray, Mask, binned, darkest, gaussian, log_light, middle, spread
 from .tube import Tube
 
 # Pixels of the device that are compared, beside it, and of those that are merely empty.
@@ -33,6 +34,7 @@ WIDE, LEAST_NOISE = 4.0, 0.01
 PALE = 0.9
 # Blur of the points themselves, px.
 _POINT_BLUR = 0.3
+_POINT_WEIGHTS = gaussian(_POINT_BLUR, reach=3.0)
 
 
 class Window:
@@ -50,6 +52,8 @@ class Window:
         Standard deviation of the root where there is no device.
     compared : (rows, columns) array of bool
         Pixels that are worth to be compared.
+    places : (n,) array of int
+        Their numbers: a pick by number takes a third of the time.
     """
 
     def __init__(self, picture: Gray, mask: Mask, tube: Tube, end: int, reach: float) -> None:
@@ -65,28 +69,38 @@ class Window:
         drawn = binned(mask[part].astype(np.float32), factor) > 0
         width = 2 * round(3 * self.radius) + 5
         log = log_light(light, darkest(picture))
-        lit = ndimage.grey_closing(
-            ndimage.gaussian_filter(log, 0.6), (width, width), mode="nearest"
-        )
-        lit = ndimage.gaussian_filter(lit, 2.0)
-        empty = ~ndimage.binary_dilation(drawn, iterations=BESIDE)
+        lit = loops().smooth(log, gaussian(0.6))
+        lit = ndimage.grey_closing(lit, (width, width), mode="nearest")
+        lit = loops().smooth(lit, gaussian(2.0))
+        empty = ~spread(drawn, BESIDE)
         if np.count_nonzero(empty) > 30:
-            lit += np.median((log - lit)[empty])  # a closing lies above what is noisy
+            lit += middle((log - lit)[empty])  # a closing lies above what is noisy
         self._low = low
         # Unlike its logarithm, the root may go down to no light at all.
         self.root = np.sqrt(np.maximum(light, 0) / np.exp(lit))
-        spread = 1.4826 * np.median(np.abs(self.root[empty] - 1)) if empty.any() else 0.0
-        self.noise = max(float(spread), LEAST_NOISE)
+        noise = 1.4826 * middle(np.abs(self.root[empty] - 1)) if empty.any() else 0.0
+        self.noise = max(noise, LEAST_NOISE)
         edge = 0.5 * (1 + np.exp(-0.5 * tube.absorption))
         # What is dark and hangs together with the device; the rest is anatomy, or other wires.
         pieces, _ = ndimage.label(self.root < edge, np.ones((3, 3)))
         device = np.isin(pieces, pieces[drawn & (pieces > 0)])
-        self.compared: Booleans = ndimage.binary_dilation(device | drawn, iterations=BESIDE)
+        self.compared: Booleans = spread(device | drawn, BESIDE)
         self.compared[::SPARSE, ::SPARSE] |= self.root[::SPARSE, ::SPARSE] > PALE
+        self.places = np.flatnonzero(self.compared)
 
     def inside(self, pixels: Floats) -> Floats:
         """Pixels (n, 2) of the picture as those of the window."""
         return np.asarray((pixels - self._low + 0.5) / self.factor - 0.5)
+
+    def projection(self, camera: Camera) -> Floats:
+        """Of points in space, mm, to pixels of the window, (3, 4)."""
+        x, y = (0.5 - self._low) / self.factor - 0.5
+        inside = np.array([[1 / self.factor, 0, x], [0, 1 / self.factor, y], [0, 0, 1]])
+        return np.asarray(inside @ camera.projection)
+
+    def root_of(self, light: Floats, weights: Floats) -> Floats:
+        """Root of the light, (rows, columns), at the compared pixels, after a blur."""
+        return np.asarray(np.sqrt(loops().smooth(light, weights).ravel()[self.places]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,30 +137,22 @@ class Additive:
         across, along = np.meshgrid(place, place)
         disc = np.hypot(across, along) < 1
         self.across, self.along = radius * across[disc], radius * along[disc]
-        self.blur = blur
+        self.weights = gaussian(blur, reach=3.0)
         self.body = self._way_through(body)
 
     def __call__(self, tail: Axis, absorption: float) -> Floats:
         """As in `EndPicture`."""
         through = self.body + self._way_through(tail)
-        light = np.exp(-absorption / (2 * self.radius) * through)
-        light = ndimage.gaussian_filter(light, self.blur, truncate=3.0)
-        return np.asarray(np.sqrt(light[self.window.compared]))
+        return self.window.root_of(np.exp(-absorption / (2 * self.radius) * through), self.weights)
 
     def _way_through(self, axis: Axis) -> Floats:
         """Way through the device at each pixel, px: discs, which are ellipses seen obliquely."""
-        center, step = axis.even(ALONG)
-        moves = np.gradient(center, axis=0) / step
-        sine = np.linalg.norm(moves, axis=1)
-        along = moves / np.maximum(sine, 1e-6)[:, None]
-        across = np.column_stack([-along[:, 1], along[:, 0]])
-        thick = np.sqrt(1 - np.minimum(sine, 1) ** 2)[:, None] * self.along
-        points = center[:, None] + self.across[:, None] * across[:, None]
-        points += thick[..., None] * along[:, None]
+        centers, step = axis.even(ALONG)
+        shape = self.window.root.shape
+        heap = loops().discs(centers, step, self.across, self.along, shape)
         # Each point stands for a part of the volume, px³: that is a height at its pixel, px.
         each = np.pi * self.radius**2 * step / len(self.across)
-        heap = each * loops().heaped(points.reshape(-1, 2), self.window.root.shape)
-        return np.asarray(ndimage.gaussian_filter(heap, _POINT_BLUR, truncate=3.0))
+        return np.asarray(each * loops().smooth(heap, _POINT_WEIGHTS))
 
 
 class Covering:
@@ -164,5 +170,6 @@ class Covering:
         pace = max(float(tail.way[-1] - tail.way[-2]), 1e-6)
         share = loops().shadow(self.pixels, tail.points, self.radius, pace, True, self.face)
         share = np.maximum(self.body, share)
-        root = loops().blurred_root(share, self.window.compared, absorption, self.weights)
-        return np.asarray(root)
+        light = np.ones(self.window.root.size)
+        light[self.window.places] = np.exp(-absorption * share)
+        return self.window.root_of(light.reshape(self.window.root.shape), self.weights)

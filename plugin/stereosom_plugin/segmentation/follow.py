@@ -13,8 +13,9 @@ from scipy import ndimage
 
 from stereosom.arrays import Floats
 
+from .loops import loops
 from .picture import log_across
-from .tube import Tube, extended, normals
+from .tube import Tube, extended
 from .way import best_way
 from .xray import AT_BORDER, BAND, Candidate, View
 
@@ -45,7 +46,7 @@ def follow(view: View, last: Tube, near: Floats) -> Candidate | None:
         None where nothing goes on like it.
     """
     unit = float(view.factor)
-    line = _every(near, ALONG * unit)
+    line = loops().evenly(near, ALONG * unit)
     if len(line) < 8:
         return None
     grown = round(GROWN / ALONG)
@@ -62,7 +63,7 @@ def follow(view: View, last: Tube, near: Floats) -> Candidate | None:
     if beyond - first < 8:
         return None
     side = ndimage.gaussian_filter1d(across[way].astype(float), 1.5)
-    points = (line + side[:, None] * normals(line))[first:beyond]
+    points = (line + side[:, None] * loops().normals(line))[first:beyond]
     inside = np.all((points >= 0) & (points <= np.array(view.picture.shape[::-1]) - 1), axis=1)
     points = points[inside]
     if len(points) < 8:
@@ -70,13 +71,6 @@ def follow(view: View, last: Tube, near: Floats) -> Candidate | None:
     enters = view.distance_to_border(points[[0, -1]]) < AT_BORDER * unit
     absorption = float(np.median(darker[steps, way][first:beyond]))
     return Candidate(points, (bool(enters[0]), bool(enters[1])), max(absorption, 1e-3), 1.0)
-
-
-def _every(line: Floats, spacing: float) -> Floats:
-    """A line at even steps of about a spacing."""
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    at = np.linspace(0, along[-1], max(2, round(along[-1] / spacing) + 1))
-    return np.column_stack([np.interp(at, along, line[:, i]) for i in (0, 1)])
 
 
 def _darker(view: View, line: Floats, radius: float, unit: float) -> tuple[Floats, Floats]:
@@ -87,7 +81,7 @@ def _darker(view: View, line: Floats, radius: float, unit: float) -> tuple[Float
     beside = radius + 2 * unit
     count = int(np.ceil((BAND * unit + beside) / (ACROSS * unit)))
     across = ACROSS * unit * np.arange(-count, count + 1, dtype=float)
-    light = log_across(view.picture, line, normals(line), across)
+    light = log_across(view.picture, line, loops().normals(line), across)
     light = ndimage.gaussian_filter1d(light, 1.2, axis=0)
     core = max(1, round(1.2 * radius / (ACROSS * unit)))
     light = ndimage.uniform_filter1d(light, core + (core + 1) % 2, axis=1)
@@ -98,10 +92,10 @@ def _darker(view: View, line: Floats, radius: float, unit: float) -> tuple[Float
 
 def _longest(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> tuple[int, int]:
     """First step of the longest stretch that is seen but for short gaps, and that beyond it."""
-    closed = ndimage.binary_closing(np.pad(seen, GAP), iterations=GAP // 2)[GAP:-GAP]
-    pieces, count = ndimage.label(closed)
-    if count == 0:
+    at = np.flatnonzero(seen)
+    if len(at) == 0:
         return 0, 0
-    longest = 1 + int(np.bincount(pieces)[1:].argmax())
-    at = np.flatnonzero((pieces == longest) & seen)
-    return (int(at[0]), int(at[-1]) + 1) if len(at) else (0, 0)
+    breaks = np.flatnonzero(np.diff(at) > GAP + 1)
+    first, last = at[np.append(0, breaks + 1)], at[np.append(breaks, len(at) - 1)]
+    longest = np.argmax(last - first)
+    return int(first[longest]), int(last[longest]) + 1

@@ -7,7 +7,8 @@ from scipy import ndimage
 
 from stereosom.arrays import Floats
 
-from .picture import Gray, Mask, darkest, grown, log_across, log_light
+from .loops import loops
+from .picture import Gray, Mask, darkest, gaussian, grown, log_across, log_light, middle
 from .tube import Tube, edge_share
 
 # Of the light that the axis takes: what takes less is something else that touches the end.
@@ -54,12 +55,14 @@ def sharpen_end(mask: Mask, picture: Gray, tube: Tube, end: int) -> None:
     drawn = mask[window]
     usual = 1 - np.exp(-tube.absorption)
     level = usual * edge_share(tube, SMOOTHED)
-    noise = 1.4826 * np.median(taken[~drawn]) if not drawn.all() else 0.0
+    noise = 1.4826 * middle(taken[~drawn]) if not drawn.all() else 0.0
     if level < CLEAR * noise:
         return
     dark = taken > level
-    row, column = np.indices(dark.shape)
-    away = np.hypot(column + low[0] - place[0], row + low[1] - place[1])
+    row, column = (
+        np.arange(start, stop) for start, stop in zip(low[::-1], high[::-1], strict=True)
+    )
+    away = np.hypot(column - place[0], row[:, None] - place[1])
     beside = grown(drawn)
     at_end = away < END * radius + 1
     folded = _folded(dark, drawn, taken, away, radius, LEAST_SHARE * usual)
@@ -100,9 +103,10 @@ def _reached(steps: Floats, light: Floats) -> float:
 
 def _light_taken(log: Gray, radius: float) -> Gray:
     """Share of light that thin things take, the noise of bright surroundings at zero."""
-    smooth = ndimage.gaussian_filter(log, SMOOTHED)
+    smooth = loops().smooth(log, gaussian(SMOOTHED))
     size = 2 * round(3 * radius) + 5
-    lit = ndimage.gaussian_filter(ndimage.grey_closing(smooth, (size, size), mode="nearest"), 2.0)
+    closed = ndimage.grey_closing(smooth, (size, size), mode="nearest")
+    lit = loops().smooth(closed, gaussian(2.0))
     return np.asarray(1 - np.exp(smooth - lit), dtype=np.float32)
 
 

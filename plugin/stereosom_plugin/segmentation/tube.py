@@ -16,13 +16,10 @@ from stereosom.arrays import Floats
 
 from .loops import loops
 from .picture import Gray, Mask, blurred, gaussian, log_across, median
+from .profile import fit_profile, profile
 
 # Steps along and across the straightened picture, px.
 ALONG, ACROSS = 1.0, 0.5
-# The blur of an X-ray system with pixels of its own resolution, and how sure that is, px.
-BLUR, BLUR_SPREAD = 0.8, 0.3
-# Of the mean profile, as a share of the light: how well the model holds.
-PROFILE_NOISE = 0.02
 # A tube ends where it absorbs this share of the light that it does before. A half marks the end
 # of a blurred tube seen from the side; more, that of one seen obliquely, which fades out.
 END_SHARE = 0.55
@@ -31,8 +28,6 @@ REACH = 16
 PASSES = 7
 # A chain may fall short of the device's end by so many steps; beyond, this share is asked for.
 MOST_GROWTH, AS_DARK = 14.0, 0.85
-# Knots of the chords that make a profile, of half a width.
-_OFFSETS = (np.arange(24) + 0.5) / 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +80,7 @@ def fit_tube(
     Tube or None
         None where the picture shows no tube along these points.
     """
-    line = _even(points)
+    line = loops().evenly(points, ALONG)
     if len(line) < 8:
         return None
     half = greatest_width / 2
@@ -95,9 +90,10 @@ def fit_tube(
         longer = extended(line, REACH, smooth=4.0 if attempt == 0 else 1.5)
         darkness, across = _straightened(picture, longer, half)
         half = _half_width(darkness[REACH:-REACH], across)
+        taken, usual = _light_taken(darkness, across, half)
         before, behind = (
-            _end(way, across, half, enters[side], grown[side])
-            for side, way in enumerate((darkness[::-1], darkness))
+            _end(way, usual, enters[side], grown[side])
+            for side, way in enumerate((taken[::-1], taken))
         )
         size = before + behind - len(longer)
         # A line that was followed has its direction already.
@@ -111,8 +107,8 @@ def fit_tube(
         for side, reached in enumerate((before, behind)):
             grown[side] += reached - (len(longer) - 1 - REACH)
         center = _center(darkness, across, half, first, last)
-        line = longer + center[:, None] * normals(longer)
-        line = _even(line[max(0, int(first)) : int(np.ceil(last)) + 1])
+        line = longer + center[:, None] * loops().normals(longer)
+        line = loops().evenly(line[max(0, int(first)) : int(np.ceil(last)) + 1], ALONG)
     begin, end = first, last
     if end - begin < 8:
         return None
@@ -120,7 +116,7 @@ def fit_tube(
     steps = np.arange(len(longer))
     middle = np.column_stack([np.interp(place, steps, longer[:, i]) for i in (0, 1)])
     body = slice(int(begin) + 3, max(int(end) - 2, int(begin) + 6))
-    fitted = _profile(darkness[body], across, half, blur)
+    fitted = fit_profile(darkness[body], across, half, blur)
     if fitted is None:
         return None
     radius, absorption, found_blur = fitted
@@ -165,21 +161,12 @@ def end_face(tube: Tube, end: int, reach: float, shape: tuple[int, ...]) -> Mask
 
     mask = np.zeros(shape, dtype=bool)
     around = np.linspace(0, 2 * np.pi, 40)
-    normal = normals(tube.line)[end]
+    normal = loops().normals(tube.line)[end]
     along = np.array([normal[1], -normal[0]])
     outline = tube.line[end] + np.outer(np.cos(around), reach * along)
     outline += np.outer(np.sin(around), tube.radius[end] * normal)
     mask[polygon(outline[:, 1], outline[:, 0], shape)] = True
     return mask
-
-
-def _even(points: Floats) -> Floats:
-    """The same line with steps of `ALONG`."""
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    along = np.append(0.0, np.cumsum(steps))
-    count = max(2, round(along[-1] / ALONG) + 1)
-    place = np.linspace(0, along[-1], count)
-    return np.column_stack([np.interp(place, along, points[:, i]) for i in (0, 1)])
 
 
 def extended(line: Floats, by: int, smooth: float = 0.0) -> Floats:
@@ -192,19 +179,6 @@ def extended(line: Floats, by: int, smooth: float = 0.0) -> Floats:
     return blurred(longer, smooth) if smooth else longer
 
 
-def normals(line: Floats) -> Floats:
-    """Directions of length one (n, 2) across a line, to the right of its way in the picture."""
-    across = np.empty_like(line, dtype=float)
-    for part, step in (
-        (slice(1, -1), line[2:] - line[:-2]),
-        (slice(1), line[1:2] - line[:1]),
-        (slice(-1, None), line[-1:] - line[-2:-1]),
-    ):
-        across[part] = step[:, ::-1]
-    across[:, 0] *= -1
-    return across / np.maximum(np.hypot(across[:, 0], across[:, 1]), 1e-9)[:, None]
-
-
 def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Floats]:
     """What is absorbed, (n, m), along a line and across it, and the m places across, px.
 
@@ -214,16 +188,22 @@ def _straightened(picture: Gray, line: Floats, half: float) -> tuple[Floats, Flo
     count = int(np.ceil((half + 6.0) / ACROSS))
     far = ACROSS * count
     across = ACROSS * np.arange(-count, count + 1, dtype=float)
-    straight = log_across(picture, line, normals(line), across)
+    straight = log_across(picture, line, loops().normals(line), across)
     beyond = int(np.floor((far - near) / ACROSS)) + 1
     return np.asarray(loops().absorbed(straight, across, beyond, gaussian(1.5))), across
+
+
+def _within(across: Floats, distance: float) -> slice:
+    """The places across that are no farther from the middle, px."""
+    first = int(np.searchsorted(across, -distance))
+    return slice(first, len(across) - first)
 
 
 def _half_width(darkness: Floats, across: Floats) -> float:
     """Half of the width within which more than half of the greatest absorption lies, px."""
     profile = blurred(median(darkness, axis=0), 1.0)
     wide = profile > 0.4 * profile.max()
-    return max(0.5 * ACROSS * float(wide.sum()), 1.0)
+    return max(0.5 * ACROSS * float(np.count_nonzero(wide)), 1.0)
 
 
 def _center(darkness: Floats, across: Floats, half: float, first: float, last: float) -> Floats:
@@ -231,46 +211,49 @@ def _center(darkness: Floats, across: Floats, half: float, first: float, last: f
 
     Beyond the first and the last step of the device it goes straight on.
     """
-    near = np.abs(across) <= half + 2
-    weight = np.clip(blurred(darkness[:, near], 2.0), 0, None)
-    weight = weight**2  # the device, not what lies beside it
-    center = weight @ across[near] / np.maximum(weight.sum(axis=1), 1e-6)
+    near = _within(across, half + 2)
+    weight = np.maximum(blurred(darkness[:, near], 2.0), 0)
+    weight *= weight  # the device, not what lies beside it
+    strength = weight @ np.ones(weight.shape[1])
+    center = weight @ across[near] / np.maximum(strength, 1e-6)
     begin, end = int(np.ceil(first)) + 1, max(int(last) - 1, int(first) + 6)
+    steps = np.arange(len(center))
     # Where something bright hides the device, its center lies between those beside the gap.
-    strength = weight.sum(axis=1)
-    shown = strength >= 0.15 * np.median(strength[begin:end])
-    if shown[begin:end].any():
-        steps = np.arange(len(center))
+    shown = strength >= 0.15 * median(strength[None, begin:end], axis=1)
+    if not shown.all() and shown[begin:end].any():
         seen = steps[begin:end][shown[begin:end]]
         center = np.interp(steps, seen, center[seen])
-    inner = ndimage.median_filter(center[begin:end], 7, mode="nearest")
+    around = center[np.clip(np.arange(begin - 3, end + 3), begin, end - 1)]
+    inner = median(np.lib.stride_tricks.sliding_window_view(around, 7), axis=1)
     # Mirrored through its ends, a line keeps its direction there when it is smoothed.
     count = min(12, len(inner) - 1)
     mirrored = np.concatenate(
         [2 * inner[0] - inner[count:0:-1], inner, 2 * inner[-1] - inner[-2 : -count - 2 : -1]]
     )
     inner = blurred(mirrored, 2.5)[count : len(mirrored) - count]
-    steps = np.arange(len(center))
     back = min(6, len(inner) - 1)
     before = inner[0] + (steps[:begin] - begin) * (inner[back] - inner[0]) / back
     behind = inner[-1] + (steps[end:] - end + 1) * (inner[-1] - inner[-1 - back]) / back
     return np.concatenate([before, inner, behind])
 
 
-def _end(darkness: Floats, across: Floats, half: float, enters: bool, grown: float = 0.0) -> float:
+def _light_taken(darkness: Floats, across: Floats, half: float) -> tuple[Floats, float]:
+    """Share of the light, (n,), that is taken along the axis, and the usual one."""
+    core = _within(across, max(0.6 * half, ACROSS))
+    taken = blurred(1 - np.exp(-median(darkness[:, core], axis=1)), 0.8)
+    return taken, float(median(taken[None, REACH:-REACH], axis=1)[0])
+
+
+def _end(taken: Floats, usual: float, enters: bool, grown: float) -> float:
     """Where the tube ends, in steps; the last step where it goes on beyond what is searched.
 
     What has `grown` beyond the chain by many steps must be as dark as the device: it may be a
     wire that the device's end lies upon.
     """
-    last = len(darkness) - 1
+    last = len(taken) - 1
     if enters:
         return float(last - REACH)
-    core = np.abs(across) <= max(0.6 * half, ACROSS)
-    taken = 1 - np.exp(-median(darkness[:, core], axis=1))
-    smooth = blurred(taken, 0.8)
-    usual = float(median(smooth[None, REACH:-REACH], axis=1)[0])
-    present = smooth >= (END_SHARE if grown < MOST_GROWTH else AS_DARK) * usual
+    present = taken >= (END_SHARE if grown < MOST_GROWTH else AS_DARK) * usual
     # The outermost step that most of the steps before it agree with: a short fade (something
     # bright behind) is no end, and what is fainter beyond the end does not belong to it.
     agree = ndimage.uniform_filter1d(present.astype(float), 21, origin=10, mode="nearest")
@@ -279,59 +262,15 @@ def _end(darkness: Floats, across: Floats, half: float, enters: bool, grown: flo
         return float(last)
     outermost = int(good[-1])
     # The end to a fraction of a step: where the share of what is taken there is crossed.
-    level = END_SHARE * float(np.median(smooth[max(0, outermost - 12) : outermost - 3]))
+    before = taken[None, max(0, outermost - 12) : outermost - 3]
+    level = END_SHARE * float(median(before, axis=1)[0]) if before.size else np.nan
     start = max(outermost - 3, 1)
-    below = np.flatnonzero(smooth[start:] < level)
+    below = np.flatnonzero(taken[start:] < level)
     if len(below) == 0:
         return float(outermost)
     first = start + int(below[0])
-    high, low = smooth[first - 1], smooth[first]
-    return first - 1 + float(np.clip((high - level) / max(high - low, 1e-9), 0, 1))
-
-
-def _profile(
-    darkness: Floats, across: Floats, half: float, blur: float | None
-) -> tuple[Floats, float, float] | None:
-    """Radius along the device (n,), absorption on the axis, and blur, of what fits best."""
-    near = np.abs(across) < half + 3
-    place, darkness = across[near], darkness[:, near]
-    taken = 1 - np.exp(-median(darkness, axis=0))
-    most = float(np.clip(taken.max(), 0.02, 0.98))
-    # Radius, absorption, blur, center: the blur is known beforehand, to some degree or wholly.
-    found = np.array([max(half, 0.6), -np.log(1 - most), blur or BLUR, 0.0])
-    low, high = np.array([0.4, 0.01, 0.3, -2.0]), np.array([3 * half + 2, 6.0, 2.5, 2.0])
-    prior = np.zeros(4)
-    prior[2] = (PROFILE_NOISE / (BLUR_SPREAD if blur is None else 0.01)) ** 2 * len(place)
-    for _ in range(12):
-        model, slopes = loops().tube_profile(place, _OFFSETS, found)
-        pull = slopes.T @ (taken - model) + prior * ((blur or BLUR) - found)
-        step = np.linalg.solve(slopes.T @ slopes + np.diag(prior + 1e-6), pull)
-        step = np.clip(step, -0.4 * np.abs(found) - 0.2, 0.4 * np.abs(found) + 0.2)
-        found = np.clip(found + step, low, high)
-        if np.abs(step).max() < 2e-3:
-            break
-    if not np.isfinite(found).all():
-        return None
-    radius, absorption, spread, _ = (float(one) for one in found)
-    # The radius changes along the device, by perspective or its own make: by a straight line.
-    stretches = min(6, len(darkness) // 30)
-    radii = np.full(len(darkness), radius)
-    if stretches >= 3:
-        rows = np.array_split(np.arange(len(darkness)), stretches)
-        parts = 1 - np.exp(-np.stack([median(darkness[row], axis=0) for row in rows]))
-        model, slopes = loops().tube_profile(place, _OFFSETS, found)
-        change = np.linalg.lstsq(slopes[:, [0, 1, 3]], (parts - model).T, rcond=None)[0][0]
-        places = np.array([row.mean() for row in rows])
-        steps = np.arange(len(darkness)) - places.mean()
-        grown = np.median(change) + _robust_slope(places, change) * steps
-        radii = np.clip(radius + grown, 0.7 * radius, 1.4 * radius)
-    return radii, absorption, spread
-
-
-def _robust_slope(x: Floats, y: Floats) -> float:
-    """Median of the slopes between all pairs of points (Theil and Sen)."""
-    i, j = np.triu_indices(len(x), 1)
-    return float(np.median((y[j] - y[i]) / (x[j] - x[i])))
+    high, low = taken[first - 1], taken[first]
+    return first - 1 + float(min(max((high - level) / max(high - low, 1e-9), 0), 1))
 
 
 def edge_share(tube: Tube, further_blur: float = 0.0) -> float:
@@ -339,5 +278,5 @@ def edge_share(tube: Tube, further_blur: float = 0.0) -> float:
     blur = float(np.hypot(tube.blur, further_blur))
     radius = float(np.median(tube.radius))
     shape = np.array([radius, tube.absorption, blur, 0.0])
-    axis, edge = loops().tube_profile(np.array([0.0, radius]), _OFFSETS, shape)[0]
+    axis, edge = profile(np.array([0.0, radius]), shape)
     return float(edge / axis)

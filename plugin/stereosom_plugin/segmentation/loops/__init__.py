@@ -5,14 +5,7 @@ from __future__ import annotations
 from functools import cache
 from types import ModuleType
 
-import numpy as np
-
 from stereosom.loops import fastest
-
-
-def bring_up() -> None:
-    """Bring numba up now: a process that is forked afterwards need not do so once more."""
-    loops().medians(np.zeros((1, 1)))
 
 
 @cache

@@ -1,23 +1,31 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
 from .edges import fill, half_way, weighted
-from .lines import absorbed, best_way, blurred, log_across, medians, tube_profile
-from .pictures import blurred_root, darker_lines, draw_line, even, heaped, shadow
+from .ends import damped_step, discs, even, learn_slopes, shadow, smooth, tail
+from .lines import absorbed, best_way, blurred, evenly, light_across, medians, normals
+from .pictures import darker_lines, draw_line
+from .profiles import fitted_profile, tube_profile
 
 __all__ = [
     "absorbed",
     "best_way",
     "blurred",
-    "blurred_root",
+    "damped_step",
     "darker_lines",
+    "discs",
     "draw_line",
     "even",
+    "evenly",
     "fill",
+    "fitted_profile",
     "half_way",
-    "heaped",
-    "log_across",
+    "learn_slopes",
+    "light_across",
     "medians",
+    "normals",
     "shadow",
+    "smooth",
+    "tail",
     "tube_profile",
     "weighted",
 ]

@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
-from scipy.special import ndtr
 
 from stereosom.arrays import Floats, Integers
 
 Gray = npt.NDArray[np.float32]
 
 
-def log_across(picture: Gray, line: Floats, normals: Floats, across: Floats, least: float) -> Gray:
-    """Logarithm of the light, (n, m), at m places across each of n points of a line.
+def light_across(
+    picture: Gray, line: Floats, normals: Floats, across: Floats, least: float
+) -> Gray:
+    """Light, (n, m), at m places across each of n points of a line.
 
     Parameters
     ----------
@@ -32,7 +33,7 @@ def log_across(picture: Gray, line: Floats, normals: Floats, across: Floats, lea
     light = ndimage.map_coordinates(
         picture, [place[..., 1], place[..., 0]], order=1, mode="nearest", output=np.float32
     )
-    return np.asarray(np.log(np.maximum(light, np.float32(least))))
+    return np.asarray(np.maximum(light, np.float32(least)))
 
 
 def medians(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -96,34 +97,16 @@ def absorbed(log: Gray, across: Floats, beyond: int, weights: Floats) -> Floats:
     return np.asarray(sides[0][:, None] * (1 - share) + sides[1][:, None] * share - log)
 
 
-def tube_profile(place: Floats, chords: Floats, parameters: Floats) -> tuple[Floats, Floats]:
-    """Share of light that a round tube takes at places across it, (n,), and its slopes, (n, 4).
+def normals(line: Floats) -> Floats:
+    """Directions of length one (n, 2) across a line, to the right of its way in the picture."""
+    ahead = np.empty_like(line)
+    ahead[1:-1], ahead[0], ahead[-1] = line[2:] - line[:-2], line[1] - line[0], line[-1] - line[-2]
+    length = np.maximum(np.hypot(*ahead.T), 1e-9)
+    return np.asarray(np.column_stack([-ahead[:, 1], ahead[:, 0]]) / length[:, None])
 
-    The profile is a sum of nested boxes, whose blur is a difference of normal distributions.
 
-    Parameters
-    ----------
-    place : (n,) array
-        px.
-    chords : (m,) array
-        Half-widths of the boxes, as shares of the radius.
-    parameters : (4,) array
-        Radius, px, absorption on the axis, blur, px, and center, px.
-    """
-    radius, absorption, blur, center = parameters
-    through = np.sqrt(1 - chords**2)
-    passes = np.exp(-absorption * through)
-    weight = -np.diff(1 - passes, append=0)
-    grows = -np.diff(through * passes, append=0)
-    wide = chords + 0.5 / len(chords)
-    right = (place[:, None] - center + radius * wide) / blur
-    left = (place[:, None] - center - radius * wide) / blur
-    inside = ndtr(right) - ndtr(left)
-    high, low = (np.exp(-(edge**2) / 2) / np.sqrt(2 * np.pi) for edge in (right, left))
-    slopes = [
-        (high + low) @ (weight * wide) / blur,
-        inside @ grows,
-        (left * low - right * high) @ weight / blur,
-        (low - high) @ weight / blur,
-    ]
-    return inside @ weight, np.stack(slopes, axis=1)
+def evenly(line: Floats, spacing: float) -> Floats:
+    """A line (n, 2) at even steps of about a spacing, from its first point to its last."""
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    at = np.linspace(0, way[-1], max(2, round(way[-1] / spacing) + 1))
+    return np.column_stack([np.interp(at, way, line[:, axis]) for axis in (0, 1)])

@@ -4,108 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from stereosom.arrays import Booleans, Floats, Integers
 
 from .lines import Gray
-
-
-def even(points: Floats, way: Floats, spacing: float) -> tuple[Floats, float]:
-    """Points (m, 2) at the middles of equal steps, no longer than a spacing, and the step.
-
-    Parameters
-    ----------
-    points : (n, 2) array
-    way : (n,) array
-        To each of them, not decreasing, from zero.
-    spacing : float
-    """
-    count = max(16, int(np.ceil(way[-1] / spacing)))
-    step = float(way[-1]) / count
-    at = (np.arange(count) + 0.5) * step
-    return np.column_stack([np.interp(at, way, points[:, i]) for i in (0, 1)]), step
-
-
-def shadow(
-    pixels: Floats, line: Floats, radius: float, pace: float, ends: bool, face: bool
-) -> Floats:
-    """Chord through a tube at each of n pixels, (n,), as a share of its diameter.
-
-    The nearest part of it counts alone.
-
-    Parameters
-    ----------
-    pixels : (n, 2) array
-    line : (m, 2) array
-        Its axis, px.
-    radius : float
-        px.
-    pace : float
-        Length of the last piece of the axis in space, px as seen from the side.
-    ends : bool
-        Whether it ends there.
-    face : bool
-        Whether the end's face is seen.
-    """
-    steps = np.diff(line, axis=0)
-    square = np.maximum((steps**2).sum(axis=1), 1e-12)
-    offset = pixels[:, None] - line[:-1]
-    along = np.clip((offset * steps).sum(axis=2) / square, 0, 1)
-    distance = ((offset - along[..., None] * steps) ** 2).sum(axis=2)
-    nearest = distance.argmin(axis=1)
-    share = np.sqrt(np.maximum(1 - distance.min(axis=1) / radius**2, 0))
-    if not ends:
-        return np.asarray(share)
-    shown = float(np.sqrt(square[-1]))
-    x_ahead, y_ahead = steps[-1] / shown
-    x, y = (pixels - line[-1]).T
-    beyond = x * x_ahead + y * y_ahead
-    past = (nearest == len(steps) - 1) & (beyond > -0.5)
-    share = np.where(past, np.clip(0.5 - beyond, 0, 1), 1.0) * share
-    if face:
-        thick = max(1 - (shown / pace) ** 2, 0.02)
-        away = beyond**2 / thick + (y * x_ahead - x * y_ahead) ** 2
-        share = np.maximum(share, np.sqrt(np.maximum(1 - away / radius**2, 0)))
-    return np.asarray(share)
-
-
-def blurred_root(share: Floats, shown: Booleans, absorption: float, weights: Floats) -> Floats:
-    """Root of the light at pixels, after a blur.
-
-    Parameters
-    ----------
-    share : (n,) array
-        Of the absorption, at the pixels that are `shown`; the rest absorbs nothing.
-    shown : (rows, columns) array of bool
-    absorption : float
-        Natural logarithm.
-    weights : (2 k + 1,) array
-        Of the blur.
-    """
-    light = np.ones(shown.shape)
-    light[shown] = np.exp(-absorption * share)
-    for axis in (0, 1):
-        light = ndimage.correlate1d(light, weights, axis)
-    return np.asarray(np.sqrt(light[shown]))
-
-
-def heaped(points: Floats, shape: tuple[int, int]) -> Floats:
-    """How many of points (n, 2), px, lie at each pixel, shared between the four about each."""
-    rows, columns = shape
-    # One more on each side, where all that lies beyond is heaped.
-    x = np.clip(points[:, 0] + 1, 0, columns + 1)
-    y = np.clip(points[:, 1] + 1, 0, rows + 1)
-    column, row = x.astype(int), y.astype(int)
-    right, down = x - column, y - row
-    first = row * (columns + 2) + column
-    place = np.concatenate([first, first + 1, first + columns + 2, first + columns + 3])
-    share = np.concatenate(
-        [(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down]
-    )
-    heap = np.bincount(place, share, (rows + 3) * (columns + 2))
-    heap = heap[: (rows + 2) * (columns + 2)].reshape(rows + 2, columns + 2)
-    return np.asarray(heap[1:-1, 1:-1])
 
 
 def draw_line(mask: Booleans, line: Floats, radius: Floats) -> None:
