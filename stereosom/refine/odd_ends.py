@@ -81,8 +81,8 @@ def with_better_ends(rig: StereoRig, fit: TubeFit, edges: Edges, refit: Refit) -
             if not found:
                 break
             other = _with_ends(fit, found, refit)
-            # Another shape is told by its end; the whole need not say it as clearly.
-            told = _TOLD if other.tube.capped == fit.tube.capped else 1.0
+            # Another shape is told by its end; the whole need not tell it once more.
+            told = _TOLD if other.tube.capped == fit.tube.capped else 1 / _TOLD
             fit = other if _price(other) < told * _price(fit) else fit
         if not any(fit.odd_ends) or fit.cost > _BETTER * before.cost:
             break
@@ -114,12 +114,16 @@ def _may_be_a_ball(rig: StereoRig, fit: TubeFit, end: int, expected: bool) -> bo
 
 
 def _ball(piece: EndPiece, flat: TubeFit | None) -> TubeFit | None:
-    """An end with half a ball, where that is better than a flat one, as found or as it is."""
+    """An end with half a ball, where that is no worse than a flat one, as found or as it is.
+
+    Of two that fit alike the ball is likelier: few ends point at both views.
+    """
+    end = piece.end
     with suppress(HardFrame):
         flat = flat or piece.fit(piece.curve, FLAT, passes=_SOON, settled_px=_SETTLED_PX)
-        start, _ = _other_shape(flat.tube, piece.end)
+        start, _ = _other_shape(flat.tube, end)
         ball = piece.fit(start, ROUND, passes=_LATE, settled_px=_SETTLED_PX)
-        if ball.cost < flat.cost and not ball.odd_ends[piece.end]:
+        if _TOLD * ball.cost < flat.cost and (flat.odd_ends[end] or not ball.odd_ends[end]):
             return ball
     return None
 

@@ -123,7 +123,8 @@ class TubeSearch:
         odd = fit.odd_ends
         if not fit.ends_seen:
             with suppress(HardFrame):
-                fit = min(fit, self._fit(curve, radius, FROM_NEAR, capped=capped), key=_cost)
+                other = self._fit(fit.tube.curve, radius, FROM_NEAR, capped=capped)
+                fit = min(fit, other, key=_cost)
             if _as_good(fit, tried):
                 return fit, tried
         fit = with_better_ends(self.seen.rig, fit, self.edges, self._fit)
