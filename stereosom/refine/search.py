@@ -128,7 +128,8 @@ class TubeSearch:
             if _as_good(fit, tried):
                 return fit, tried
         fit = with_better_ends(self.seen.rig, fit, self.edges, self._fit)
-        if _doubtful(fit):
+        # An end that is seen, and odd all the same, is so anywhere.
+        if _misses(fit) or not fit.ends_seen:
             with suppress(HardFrame):
                 other = self.anywhere(curve if eyes_alike(self.seen.rig) else None)
                 fit = other if other.cost < _BETTER * fit.cost else fit
