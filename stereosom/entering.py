@@ -89,10 +89,27 @@ def trim_along(observation: Observation, curve: Floats) -> Observation:
 
 def in_polygon(corners: Floats, pixels: Any) -> Booleans:
     """Whether pixels (n, 2) lie in a convex polygon (m, 2)."""
-    sides = np.roll(corners, -1, axis=0) - corners
+    return np.asarray(inside_by(corners, pixels) >= 0)
+
+
+def inside_by(corners: Floats, pixels: Any) -> Floats:
+    """How far pixels (n, 2) lie inside the nearest side of a convex polygon (m, 2), (n,).
+
+    Negative where they lie outside of one.
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0], [10, 0], [10, 10], [0, 10]])
+    >>> inside_by(square, np.array([[2.0, 5], [13, 5]]))
+    array([ 2., -3.])
+    """
+    to = corners[[*range(1, len(corners)), 0]]
+    sides = to - corners
+    around = np.sum(corners[:, 0] * to[:, 1] - corners[:, 1] * to[:, 0])
     offset = pixels[:, None] - corners
     turn = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
-    return np.asarray(np.all(turn >= 0, axis=1) | np.all(turn <= 0, axis=1))
+    inward = turn / (np.maximum(np.hypot(*sides.T), 1e-12) * (1 if around >= 0 else -1))
+    return np.asarray(inward.min(axis=1))
 
 
 def clipped(corners: Floats, line: Floats) -> Floats:

@@ -14,7 +14,7 @@ from .assessment import MOST_STRAY, MOST_UNSEEN
 from .backbone import Backbone
 from .camera import Camera
 from .ends import trim_to_shared_stretch
-from .entering import eyes_alike, in_polygon, trim_along
+from .entering import eyes_alike, inside_by, trim_along
 from .observation import Observation, View
 from .options import Options, check_whole
 from .reconstruction import HardFrame, Reconstruction
@@ -29,8 +29,6 @@ _COVARIANCES = 100
 # The picture of a flat end does not change in proportion to its tilt, as a covariance takes it
 # to: its deviation grows by this factor, which is measured (`stereosom experiment coverage`).
 _END_FACTOR = 1.5
-# A curve is looked at in so many steps, and in so many of one of those, for where it leaves a view.
-_STEPS, _FINE = 200, 10
 # So many pixels, evenly drawn, tell how much lies beside the device.
 _DRAWN = 600
 _LITTLE_STRAY = 0.1
@@ -173,30 +171,26 @@ def _shown_stretch(
     backbone = fit.backbone
     if not (opened[0] or opened[1]):
         return backbone, (0.0, 1.0)
-    corners = seen.field_of_view
-    assert corners is not None
-
-    def shown_of(s: Floats) -> Floats:
-        points = backbone(s)
-        inside = [
-            in_polygon(*view)
-            for view in zip(
-                corners, (seen.rig.a.project(points), seen.rig.b.project(points)), strict=True
-            )
-        ]
-        return np.asarray(s[inside[0] & inside[1]])
-
-    steps = backbone.arc_lengths(_STEPS)
-    shown = shown_of(steps)
+    assert seen.field_of_view is not None
+    curve, cameras = fit.tube.curve, (seen.rig.a, seen.rig.b)
+    inside = np.minimum(
+        *(
+            inside_by(corners, camera.project(curve))
+            for camera, corners in zip(cameras, seen.field_of_view, strict=True)
+        )
+    )
+    shown = np.flatnonzero(inside >= 0)
     if len(shown) < 2:
         return backbone, (0.0, 1.0)
-    # Between the last step outside and the first inside, as finely.
+    reach = kernels().reach_along(curve)
+    reach *= backbone.length / reach[-1]
+    ends = [0.0, backbone.length]
     for end, outward in ((0, -1), (-1, 1)):
-        fine = shown[end] + outward * steps[1] * np.linspace(0, 1, _FINE, endpoint=False)
-        found = shown_of(np.clip(fine, 0, backbone.length))
-        shown[end] = found[-1]
-    start = float(shown[0]) if opened[0] else 0.0
-    stop = float(shown[-1]) if opened[1] else backbone.length
+        here, beyond = shown[end], shown[end] + outward
+        if opened[end] and 0 <= beyond < len(curve):
+            share = inside[here] / (inside[here] - inside[beyond])
+            ends[end] = float(reach[here] + share * (reach[beyond] - reach[here]))
+    start, stop = ends
     shares = start / backbone.length, stop / backbone.length
     return backbone.between(start, stop), shares
 
