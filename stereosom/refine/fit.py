@@ -43,6 +43,8 @@ _TURNING = 5.0
 _ODD, _ODD_PX2 = 2.0, 1.0
 # So is one beside which so many edges belong nowhere, as a share of its half width, and number.
 _BESIDE, _BESIDE_PX = 1.0, 4.0
+# A view that looks along an end so much, as a cosine, may see it before the device, as no edge.
+_END_ON = 0.9
 # The flat end of a device of a smaller half width is too small to judge, px.
 _NARROW_PX = 2.0
 # What the evidence most often finds for a spline's roughness, times its stiffness, px².
@@ -80,12 +82,14 @@ class TubeFit:
 
     @property
     def ends_seen(self) -> bool:
-        """Whether both views show every flat end where it is."""
-        return all(
-            seen or not capped
-            for look in self.looks
-            for seen, capped in zip(look.cap_seen, self.tube.capped, strict=True)
-        )
+        """Whether both views show every end where it is, as far as they can."""
+        return all(all(self._seen(end)) for end, capped in enumerate(self.tube.capped) if capped)
+
+    def _seen(self, end: int) -> tuple[bool, bool]:
+        """Whether a view shows an end, or looks along it while the other one shows it."""
+        seen_a, seen_b = (look.cap_seen[end] for look in self.looks)
+        along_a, along_b = (look.slant[end] > _END_ON for look in self.looks)
+        return seen_a or (seen_b and along_a), seen_b or (seen_a and along_b)
 
     @cached_property
     def cost(self) -> float:
@@ -107,8 +111,8 @@ class TubeFit:
         """Whether a flat end has so many times the squared residuals that all edges have."""
         if not self.tube.capped[end]:
             return False
-        for look in self.looks:
-            unseen = not look.cap_seen[end] and look.half_width > _NARROW_PX
+        for look, seen in zip(self.looks, self._seen(end), strict=True):
+            unseen = not seen and look.half_width > _NARROW_PX
             weight, _, squares = (sums[2 + end] for sums in look.sums)
             beside = look.stray_at_ends[end] > _BESIDE * look.half_width + _BESIDE_PX
             if unseen or beside or squares > times * look.spread * weight + _ODD_PX2:
@@ -128,6 +132,7 @@ def fit_tube(
     gates: Sequence[float] = FROM_AFAR,
     passes: int = 15,
     settled_px: float = 0.05,
+    free_in_depth: bool = False,
 ) -> TubeFit:
     """Fit a tube to the contours of both views.
 
@@ -151,6 +156,9 @@ def fit_tube(
         Of Gauss-Newton, at most; with none, the start is looked at as it is.
     settled_px : float
         A step that moves the curve by less is the last.
+    free_in_depth : bool
+        Whether a step is limited in the pictures alone, and not in space too. To follow outlines
+        that are near, close eyes go far in depth.
 
     Raises
     ------
@@ -188,7 +196,7 @@ def fit_tube(
         # near, its rims alone say how it runs.
         caps_turn = gate is None or gate <= _TURNING
         anew = number <= max(len(gates), 1) and (number or len(gates) > 1)
-        moved, grown, farthest, stiffness = kernels().step(
+        moved, grown, farthest, crossed, stiffness = kernels().step(
             basis.values, basis.slopes, basis.first, roughness,
             control, tube.speed, tube.tangents,
             *(look.equations if caps_turn else look.steady_equations for look in looks),
@@ -197,9 +205,11 @@ def fit_tube(
         if not np.isfinite(moved).all() or np.abs(moved).max() > 1e4:
             raise HardFrame("the fit left the device")
         # No step goes farther than edges are looked for.
-        moved *= min(1.0, (gate or _FARTHEST_PX) * pixel_mm / max(farthest, 1e-12))
+        farthest_px = farthest / pixel_mm
+        longest = crossed if free_in_depth else max(crossed, farthest_px)
+        moved *= min(1.0, (gate or _FARTHEST_PX) / max(longest, 1e-12))
         control, radius = control + moved, max(radius + grown, 1e-3)
-        if gate is None and farthest < settled_px * pixel_mm:
+        if gate is None and farthest_px < settled_px:
             break
     return TubeFit(basis.backbone(control), radius, tube, looks, radius_known)
 

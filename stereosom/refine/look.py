@@ -88,6 +88,8 @@ class Look:
         former's sum over the latter's is on the mean, if each residual is on its own.
     stray_at_ends : (int, int)
         Number of points of the contour that belong nowhere, about the base and about the tip.
+    slant : (float, float)
+        How far the base and the tip point along the ray that sees them, as a cosine.
     """
 
     picture: Floats
@@ -106,6 +108,7 @@ class Look:
     told: int
     alone: float
     stray_at_ends: tuple[int, int]
+    slant: tuple[float, float]
 
     @classmethod
     def at(
@@ -149,11 +152,11 @@ class Look:
         except ValueError:
             raise HardFrame("the fit runs behind a camera") from None
         picture, normals, pull, turn, grow, weight, total, squares, sums, numbers = looked
-        noise, stray, half_width, told, alone, *about = numbers.tolist()
+        noise, stray, half_width, told, alone, *ends = numbers.tolist()
         return cls(
             picture, normals, pull, turn, grow, weight, total, squares, tuple(sums.tolist()),
             noise, stray, half_width, len(contour), int(told), alone,
-            (int(about[0]), int(about[1])),
+            (int(ends[0]), int(ends[1])), (ends[2], ends[3]),
         )  # fmt: skip
 
     @property
@@ -183,11 +186,13 @@ class Look:
         seen: Booleans = kernels().rims_seen(self.weight, self.squares, self.samples, tolerance)
         return seen
 
-    def unseen_px(self, capped: tuple[int, int]) -> float:
-        """Length of the rims that show no edges, px; where the tube goes on, from the first on."""
-        return float(
-            kernels().unseen(self.picture, self.rims_seen, np.array(capped, dtype=np.int64))
-        )
+    def unseen_px(self, capped: tuple[int, int], covered: bool = True) -> float:
+        """Length of the rims that show no edges, px; where the tube goes on, from the first on.
+
+        With those that the tube itself covers, where no mask has an edge, or without.
+        """
+        ends = np.array(capped, dtype=np.int64)
+        return float(kernels().unseen(self.picture, self.rims_seen, ends, covered))
 
     @cached_property
     def spread(self) -> float:

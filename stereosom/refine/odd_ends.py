@@ -39,6 +39,9 @@ _NARROW_PX = 2.0
 _HALF_BALL = np.pi / 4
 # The shape of an end is told where a device has at least such a half width, px.
 _SHAPE_PX = 4.0
+# Logarithms of how likely it is that an end is flat rather than half a ball, before it is seen, and
+# of how unlikely bends are, by their integral of squared curvature times the radius.
+_FLAT, _BENT = 1.8, 30.0
 # An odd end costs so many times as much as one that is not.
 _ODD_PRICE = 1.2
 
@@ -114,16 +117,21 @@ def _may_be_a_ball(rig: StereoRig, fit: TubeFit, end: int, expected: bool) -> bo
 
 
 def _ball(piece: EndPiece, flat: TubeFit | None) -> TubeFit | None:
-    """An end with half a ball, where that is no worse than a flat one, as found or as it is.
+    """An end with half a ball, where that is likelier than a flat one, as found or as it is.
 
-    Of two that fit alike the ball is likelier: few ends point at both views.
+    A flat end turns and bends until it looks like half a ball: where both look alike, the ball is
+    likelier the more the flat one bends for it.
     """
     end = piece.end
     with suppress(HardFrame):
         flat = flat or piece.fit(piece.curve, FLAT, passes=_SOON, settled_px=_SETTLED_PX)
         start, _ = _other_shape(flat.tube, end)
         ball = piece.fit(start, ROUND, passes=_LATE, settled_px=_SETTLED_PX)
-        if _TOLD * ball.cost < flat.cost and (flat.odd_ends[end] or not ball.odd_ends[end]):
+        noise = sum(look.noise_variance for look in piece.whole.looks) / 2
+        told = (flat.cost - ball.cost) / (2 * max(noise, 1e-6))
+        straighter = _bending(flat.tube) - _bending(ball.tube)
+        likelier = told + _BENT * straighter > _FLAT
+        if likelier and (flat.odd_ends[end] or not ball.odd_ends[end]):
             return ball
     return None
 
@@ -176,6 +184,13 @@ def _cost(fit: TubeFit) -> float:
 def _price(fit: TubeFit) -> float:
     """An end as it should be is worth a slightly higher cost elsewhere."""
     return fit.cost * _ODD_PRICE ** sum(fit.odd_ends)
+
+
+def _bending(tube: Tube) -> float:
+    """Integral of the squared curvature along a tube, times its radius."""
+    steps = np.diff(tube.curve, axis=0)
+    turned = np.linalg.norm(np.diff(tube.tangents, axis=0), axis=1)
+    return float(tube.radius * np.sum(turned**2 / np.linalg.norm(steps, axis=1)))
 
 
 def _other_shape(tube: Tube, end: int) -> tuple[Floats, int]:

@@ -75,25 +75,32 @@ class TubeSearch:
             edges.append(contour.where(~cut) if len(at_border[-1]) else contour)
         return cls(seen, (edges[0], edges[1]), (at_border[0], at_border[1]), radius, segments)
 
-    def anywhere(self, first: Floats | None = None) -> TubeFit:
-        """Fit from the matched middle lines of both masks, or from a first curve, (n, 3) mm.
+    def anywhere(
+        self, expected: Floats | None = None, rounded: tuple[bool, bool] = _NEITHER
+    ) -> TubeFit:
+        """Fit from the matched middle lines of both masks, the best of what that gives.
 
-        Of the two, where both are given, the better one. Where the views stand far apart, each
-        matched pair of places is a good point already; where they are close, the points' depths
-        are not, and a curve is begun with that is smooth.
+        Where the views stand far apart, each matched pair of places is a good point already;
+        where they are close, the points' depths are not, and a curve is begun with that is
+        smooth, or with the `expected` one, (n, 3) mm. Of that one `rounded` ends stay so.
         """
         fits, refused = [], None
-        if first is not None:
-            with suppress(HardFrame):
-                fits.append(self._fit(first, _radius_by_area(self.seen, first)[0], FROM_AFAR))
         close = eyes_alike(self.seen.rig)
+        if expected is not None and close:
+            with suppress(HardFrame):
+                radius, _ = _radius_by_area(self.seen, expected)
+                capped = self._capped(expected, radius, rounded)
+                fits.append(self._fit(expected, radius, FROM_AFAR, capped=capped))
         begins = [(first_curve, FROM_NEAR), (first_curve, FROM_AFAR)]
         if not close:
             begins = [(matched_curve, FROM_AFAR), (first_curve, FROM_NEAR)]
         for begin, gates in begins:
             try:
                 curve, radius = begin(self.seen)
-                fits.append(self._fit(curve, radius, gates))
+                if expected is not None and _runs_backwards(curve, expected):
+                    curve = curve[::-1]
+                capped = self._capped(curve, radius, rounded)
+                fits.append(self._fit(curve, radius, gates, capped=capped))
             except HardFrame as error:
                 refused = error
                 continue
@@ -114,9 +121,13 @@ class TubeSearch:
         radius, half_width = _radius_by_area(self.seen, curve)
         # A device that is wide in the picture moves farther.
         gates = (half_width, *ON_TRACK) if half_width > ON_TRACK[0] else ON_TRACK
-        capped = self._capped(curve, radius, tried.round_ends if tried else _NEITHER)
-        fit = self._fit(curve, radius, gates, capped=capped, settled_px=_FOLLOWED_PX)
-        if not eyes_alike(self.seen.rig):
+        rounded = tried.round_ends if tried else _NEITHER
+        capped = self._capped(curve, radius, rounded)
+        close = eyes_alike(self.seen.rig)
+        fit = self._fit(
+            curve, radius, gates, capped=capped, settled_px=_FOLLOWED_PX, free_in_depth=close
+        )
+        if not close:
             fit = nearer_or_farther(self.seen.rig, fit, self.edges, self._fit, _FOLLOWED_PX)
         if _as_good(fit, tried):
             return fit, tried
@@ -127,12 +138,15 @@ class TubeSearch:
                 fit = min(fit, other, key=_cost)
             if _as_good(fit, tried):
                 return fit, tried
-        fit = with_better_ends(self.seen.rig, fit, self.edges, self._fit)
+        other = None
         # An end that is seen, and odd all the same, is so anywhere.
         if _misses(fit) or not fit.ends_seen:
             with suppress(HardFrame):
-                other = self.anywhere(curve if eyes_alike(self.seen.rig) else None)
-                fit = other if other.cost < _BETTER * fit.cost else fit
+                other = self.anywhere(curve, rounded)
+        if other is None or other.cost >= _BETTER * fit.cost:
+            fit = with_better_ends(self.seen.rig, fit, self.edges, self._fit)
+        if other is not None and other.cost < _BETTER * fit.cost:
+            fit = other
         return fit, what_was_tried(fit, odd)
 
     def _fit(self, curve: Floats, radius: float, gates: Sequence[float], **details: Any) -> TubeFit:
@@ -192,6 +206,12 @@ def _as_good(fit: TubeFit, tried: Tried | None) -> bool:
     return not new and _cost_per_edge(fit) < _WORSE * tried.cost
 
 
+def _runs_backwards(curve: Floats, expected: Floats) -> bool:
+    """Whether a curve (n, 3) begins where another, (m, 3), ends."""
+    ends, places = curve[[0, -1]], expected[[0, -1]]
+    return bool(np.sum((ends - places) ** 2) > np.sum((ends[::-1] - places) ** 2))
+
+
 def _pieces(curve: Floats, radius: float) -> int:
     """Pieces of spline for a device along a curve (n, 3): a long thin one may have more bends."""
     widths = float(kernels().reach_along(curve)[-1]) / (2 * radius)
@@ -205,7 +225,7 @@ def _doubtful(fit: TubeFit) -> bool:
 
 def _misses(fit: TubeFit) -> bool:
     """Whether much of the outline shows no edges, or many edges belong nowhere."""
-    missed = sum(look.unseen_px(fit.tube.capped) for look in fit.looks)
+    missed = sum(look.unseen_px(fit.tube.capped, covered=False) for look in fit.looks)
     return missed > _MISSED * fit.looks[0].half_width or any(
         look.stray > _STRAY for look in fit.looks
     )

@@ -9,6 +9,7 @@ from ..reference.edges import (
     AGREEING,
     ALONG_PX,
     AROUND,
+    COVERED_PX,
     FARTHEST,
     LEAST_SPREAD,
     MARGIN,
@@ -213,8 +214,18 @@ def look(projection, center, curve, tangents, radius, capped, points, directions
             sums[1, number] += total[k]
             sums[2, number] += squares[k]
         start += length
+    slant = np.empty(2)
+    for end in range(2):
+        at = end * (len(curve) - 1)
+        along, far = 0.0, 0.0
+        for axis in range(3):
+            ray = curve[at, axis] - center[axis]
+            along += ray * tangents[at, axis]
+            far += ray**2
+        slant[end] = abs(along) / np.sqrt(far)
+    stray = 1 - kept / max(len(points), 1)
     numbers = np.array(
-        [noise, 1 - kept / max(len(points), 1), half_width, told, alone, about[0], about[1]]
+        [noise, stray, half_width, told, alone, about[0], about[1], slant[0], slant[1]]
     )
     return picture, normals, pull, turn, grow, weight, total, squares, sums, numbers
 
@@ -244,7 +255,7 @@ def middle_offset(weight, total, samples):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def unseen(picture, seen, capped):  # type: ignore[no-untyped-def]
+def unseen(picture, seen, capped, covered=True):  # type: ignore[no-untyped-def]
     """As `reference.unseen`."""
     n = seen.shape[1]
     length = 0.0
@@ -255,11 +266,24 @@ def unseen(picture, seen, capped):  # type: ignore[no-untyped-def]
             start = 0 if capped[0] else found[0]
             stop = n if capped[1] else found[-1]
         for i in range(start, stop):
-            if not seen[rim, i]:
+            if not seen[rim, i] and (covered or not _covered(picture, n, rim * n + i)):
                 before, after = max(i - 1, 0), min(i + 1, n - 1)
                 step = picture[rim * n + after] - picture[rim * n + before]
                 length += np.hypot(step[0], step[1]) / (after - before)
     return length
+
+
+@compiled
+def _covered(picture, samples, at):  # type: ignore[no-untyped-def]
+    """Whether a point of a tube's outline lies within the tube."""
+    x, y = picture[at, 0], picture[at, 1]
+    for j in range(samples):
+        left, right = picture[j], picture[samples + j]
+        half_width = np.hypot(left[0] - right[0], left[1] - right[1]) / 2
+        away = np.hypot(x - (left[0] + right[0]) / 2, y - (left[1] + right[1]) / 2)
+        if away < half_width - COVERED_PX:
+            return True
+    return False
 
 
 @compiled

@@ -89,7 +89,11 @@ def step(  # type: ignore[no-untyped-def]
         for axis in range(3):
             squared += (shift[axis] - along * tangents[i, axis]) ** 2
         farthest = max(farthest, squared)
-    return moved, grown, np.sqrt(farthest), stiffness
+    crossed = max(
+        _farthest(values, slopes, first, speed, view_a, moved, grown),
+        _farthest(values, slopes, first, speed, view_b, moved, grown),
+    )
+    return moved, grown, np.sqrt(farthest), crossed, stiffness
 
 
 @compiled
@@ -259,6 +263,27 @@ def _gather(values, slopes, first, speed, view, matrix, column, side):  # type: 
         corner += weight[k] * grow[k] ** 2
         side[-1] += total[k] * grow[k]
     return corner
+
+
+@compiled
+def _farthest(values, slopes, first, speed, view, moved, grown):  # type: ignore[no-untyped-def]
+    """How far a step moves a view's outline across itself where edges are, px."""
+    pull, turn, grow, weight, _ = view
+    n = len(values)
+    farthest = 0.0
+    for k in range(len(pull)):
+        if weight[k] == 0.0:
+            continue
+        i = k % n if k < 2 * n else (0 if k < 2 * n + CAP_POINTS else n - 1)
+        across = grow[k] * grown
+        for axis in range(3):
+            shift, turned = 0.0, 0.0
+            for j in range(4):
+                shift += values[i, first[i] + j] * moved[first[i] + j, axis]
+                turned += slopes[i, first[i] + j] * moved[first[i] + j, axis]
+            across += pull[k, axis] * shift + turn[k, axis] * turned / speed[i]
+        farthest = max(farthest, abs(across))
+    return farthest
 
 
 @compiled

@@ -20,6 +20,8 @@ TURNED = 0.75
 # Without a gate, edges are looked for this near, px; an edge cannot be told better than to
 # LEAST_SPREAD, and is no part that is farther off than this, in spreads and in px.
 NEAR_PX, LEAST_SPREAD, SPREADS, FARTHEST = 5.0, 0.5, 4.0, 2.0
+# What lies so much deeper than a rim within a tube is covered by it, px.
+COVERED_PX = 1.5
 # An edge lies about an end that is no farther off than so many half widths.
 ABOUT = 2.0
 # The outward direction of a mask's edge is read off the pixels around it, within this distance.
@@ -147,10 +149,11 @@ def look(
         As in `Look`.
     (3, 4) array
         Sums of weight, total and squares over both rims, the base and the tip.
-    (7,) array
+    (9,) array
         Noise, share of stray edges and half width, as in `Look`; number of points of the outline
         that edges belong to; the sum of squared weighted residuals over that of weights, px²;
-        number of stray edges about the base, and about the tip.
+        number of stray edges about the base, and about the tip; how far either end points along
+        the ray that sees it, as a cosine.
 
     Raises
     ------
@@ -193,12 +196,14 @@ def look(
         for summand in (weight, weight * residual, weight * residual**2)
     ]
     starts = [piece.start for piece in pieces(len(curve))]
+    rays = curve[[0, -1]] - center
+    slant = np.sum(rays * tangents[[0, -1]], axis=1) / np.linalg.norm(rays, axis=1)
     return (
         picture, normals, pull, turn, grow, sums[0], sums[1], sums[2],
         np.add.reduceat(sums, starts, axis=1),
         np.array([
             noise, 1 - len(residual) / max(len(points), 1), half_width, np.count_nonzero(sums[0]),
-            alone, about_base, about_tip,
+            alone, about_base, about_tip, *np.abs(slant),
         ]),
     )  # fmt: skip
 
@@ -241,7 +246,7 @@ def middle_offset(weight: Floats, total: Floats, samples: int) -> float:
     return float(np.sqrt(np.mean(offsets**2))) if len(offsets) else 0.0
 
 
-def unseen(picture: Floats, seen: Booleans, capped: Integers) -> float:
+def unseen(picture: Floats, seen: Booleans, capped: Integers, covered: bool = True) -> float:
     """Length of the rims that show no edges, px; where the tube goes on, from the first on.
 
     Parameters
@@ -252,6 +257,8 @@ def unseen(picture: Floats, seen: Booleans, capped: Integers) -> float:
         As from `rims_seen`.
     capped : (2,) array of int
         As of `outline`.
+    covered : bool
+        Whether rims count that the tube itself covers, where no mask has an edge.
     """
     left, right, _, _ = pieces(seen.shape[1])
     length = 0.0
@@ -260,8 +267,19 @@ def unseen(picture: Floats, seen: Booleans, capped: Integers) -> float:
         found = np.flatnonzero(shown)
         start = 0 if capped[0] or len(found) == 0 else found[0]
         stop = None if capped[1] or len(found) == 0 else found[-1]
-        length += float(np.sum(spacing[start:stop][~shown[start:stop]]))
+        missing = np.zeros(len(shown), dtype=bool)
+        missing[start:stop] = ~shown[start:stop]
+        if not covered:
+            missing[missing] = ~_within(picture[rim][missing], picture[left], picture[right])
+        length += float(np.sum(spacing[missing]))
     return length
+
+
+def _within(points: Floats, left: Floats, right: Floats) -> Booleans:
+    """Which points (k, 2) a tube of such rims, (n, 2) each, covers."""
+    middle, half_width = (left + right) / 2, np.linalg.norm(left - right, axis=1) / 2
+    away = np.linalg.norm(points[:, None] - middle, axis=2)
+    return np.asarray(np.any(away < half_width - COVERED_PX, axis=1))
 
 
 def _spacing(picture: Floats, samples: int) -> Floats:

@@ -98,11 +98,21 @@ def assemble(
     (3m + 1, 3m + 1) array, (3m + 1,) array
         Coordinates of each control point together; the radius last.
     """
+    rows = moving(values, slopes, speed, pull, turn, grow)
+    return rows.T @ (weight[:, None] * rows), rows.T @ total
+
+
+def moving(
+    values: Floats, slopes: Floats, speed: Floats, pull: Floats, turn: Floats, grow: Floats
+) -> Floats:
+    """How far each of k outline points moves across the outline, (k, 3m + 1), px.
+
+    By each coordinate of the control points, and by the radius; parameters as of `assemble`.
+    """
     owner = owners(len(values))
     rows = values[owner][:, :, None] * pull[:, None, :]
     rows = rows + (slopes[owner] / speed[owner, None])[:, :, None] * turn[:, None, :]
-    rows = np.column_stack([rows.reshape(len(owner), -1), grow])
-    return rows.T @ (weight[:, None] * rows), rows.T @ total
+    return np.column_stack([rows.reshape(len(owner), -1), grow])
 
 
 def step(
@@ -118,7 +128,7 @@ def step(
     stiffness: float,
     noise: float,
     radius_known: bool,
-) -> tuple[Floats, float, float, float]:
+) -> tuple[Floats, float, float, float, float]:
     """One step of Gauss-Newton, held by the spline's stiffness.
 
     The stiffness follows from how rough the curve is against how noisy its picture (D. J. C.
@@ -150,6 +160,8 @@ def step(
         Of the radius, mm.
     farthest : float
         Largest shift of the curve across itself, mm; along it, a fifth of its ends'.
+    crossed : float
+        Largest shift of an outline across itself, where edges are, px.
     stiffness : float
     """
     m = len(control)
@@ -178,7 +190,11 @@ def step(
     along[[0, -1]] *= 0.8
     across = shift - along[:, None] * tangents
     farthest = float(np.sqrt(np.max(np.sum(across**2, axis=1))))
-    return moved, float(solution[-1]), farthest, stiffness
+    crossed = max(
+        float(np.abs(moving(values, slopes, speed, *view[:3])[view[3] > 0] @ solution).max())
+        for view in (view_a, view_b)
+    )
+    return moved, float(solution[-1]), farthest, crossed, stiffness
 
 
 def _held(matrix: Floats, roughness: Floats, stiffness: float) -> Floats:
