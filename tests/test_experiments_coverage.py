@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 
 from stereosom.backbone import Backbone
+from stereosom.reconstruct import reconstruct
 from stereosom.reconstruction import Reconstruction
 from stereosom.synthetic import arc
 from stereosom_plugin.experiments.confidence import offsets
+from stereosom_plugin.experiments.devices import FAMILIES
+from stereosom_plugin.experiments.rough_masks import coverage, observe
 
 LINE = Backbone.through([[0, 0, 0], [0, 0, 100]])
 
@@ -133,3 +136,13 @@ def test_cases_from_files_stand_beside_their_bound(mask_case, tmp_path):
     bound, mean = float(row.split()[1]), float(row.split("|")[1].split()[0])
     assert 0 < bound < 0.05
     assert mean < 2
+
+
+@pytest.mark.parametrize(("seed", "roughness_px"), [(0, 0.4), (4, 0.8), (7, 0.8)])
+def test_rough_edges_make_no_half_ball_of_a_flat_end(seed, roughness_px):
+    # Both views, 20° apart, look at the end; half a ball would be 0.8 mm shorter.
+    device = FAMILIES["mock-up 20°"](seed)
+    covered = [coverage(device.curve, device.radius, view) for view in (device.rig.a, device.rig.b)]
+    result = reconstruct(observe(tuple(covered), device.rig, roughness_px, seed=seed))
+    assert result.tried is None or not any(result.tried.round_ends)
+    assert result.backbone.length == pytest.approx(device.curve.length, abs=0.7)

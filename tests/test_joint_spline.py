@@ -12,7 +12,8 @@ from stereosom.matching import match_monotone
 from stereosom.metrics import closest_on_curve, curve_errors
 from stereosom.middle_line import middle_line
 from stereosom.refine.contour import mask_contour
-from stereosom.refine.reference import outline
+from stereosom.refine.reference import ROUND, outline
+from stereosom.refine.search import TubeSearch
 from stereosom.synthetic import arc, converging_rig, growing_helix, observe
 
 # Mean at equal arc length and error of the tip, mm, without registration, ends included.
@@ -111,6 +112,18 @@ def test_a_device_with_rounded_ends_reaches_to_the_middles_of_their_balls(angle)
     away = np.linalg.norm(ends[:, None] - np.stack([device.base, device.tip]), axis=2)
     assert away.min(axis=1).max() < 0.1
     assert result.backbone.length == pytest.approx(device.length, abs=0.15)
+
+
+def test_what_is_searched_for_anew_keeps_its_direction_and_its_rounded_end():
+    device = growing_helix(200, 110, 1.0)
+    seen = observe(device, 3.2, converging_rig(60))
+    search = TubeSearch.of(seen, None, None)
+    curve = device.polyline(121)
+    forth = search.anywhere(curve, (False, True))
+    back = search.anywhere(curve[::-1], (True, False))
+    for fit, expected in ((forth, curve), (back, curve[::-1])):
+        np.testing.assert_allclose(fit.tube.curve[[0, -1]], expected[[0, -1]], atol=1.0)
+    assert forth.tube.capped[1] == back.tube.capped[0] == ROUND
 
 
 def test_matching_leaves_an_unseen_end_without_partner():

@@ -10,13 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from stereosom import Camera, reconstruct
+from stereosom import Camera, StereoRig, reconstruct
 from stereosom.refine import kernels as choice
 from stereosom.refine import reference
 from stereosom.refine.contour import Contour, mask_contour
 from stereosom.refine.end_piece import EndPiece
-from stereosom.refine.fit import TubeFit, _ends_shown
+from stereosom.refine.fit import TubeFit, _ends_shown, fit_tube
 from stereosom.refine.look import Look, Tube
+from stereosom.refine.odd_ends import _bending
 from stereosom.refine.reach import mirrored_in_depth, seen_stretch
 from stereosom.refine.spline import spline_basis
 from stereosom.synthetic import arc, converging_rig, observe
@@ -235,6 +236,67 @@ def test_an_end_with_edges_beside_it_that_belong_nowhere_is_odd():
         np.vstack([contours[0].directions, np.tile(outward, (len(points), 1))]),
     )
     assert odd_ends((lost, contours[1])) == (False, True)
+
+
+def test_an_end_that_points_at_a_view_need_not_be_seen_in_it():
+    start, stop = np.array([-15.0, 3, 20]), np.array([28.0, -14, 120])
+    tube = straight(start, stop, radius=7.0)
+    looks = looks_at(tube, seen(start, stop, radius=7.0), gate=3.0)
+    for look, camera in zip(looks, (RIG.a, RIG.b), strict=True):
+        for end, place in enumerate((start, stop)):
+            ray = (place - camera.center) / np.linalg.norm(place - camera.center)
+            along = (stop - start) / np.linalg.norm(stop - start)
+            assert look.slant[end] == pytest.approx(abs(ray @ along), abs=0.02)
+    hidden = replace(looks[0], sums=tuple([*sums[:3], 0.0] for sums in looks[0].sums))
+
+    def fitted(slant, other=looks[1]):
+        shown = (replace(hidden, slant=(0.1, slant)), other)
+        return TubeFit(BASIS.backbone(BASIS.through(tube.curve)), 7.0, tube, shown, False)
+
+    assert not fitted(0.5).ends_seen
+    assert fitted(0.5).odd_ends == (False, True)
+    assert fitted(0.95).ends_seen
+    assert fitted(0.95).odd_ends == (False, False)
+    # Where the other view does not show it either, it is missed.
+    assert not fitted(0.95, replace(looks[1], sums=hidden.sums)).ends_seen
+
+
+def test_what_a_tube_covers_of_itself_shows_no_edge_that_could_be_missed():
+    # 50 px to the right, 10 px to either side, and 40 px back again, 3 px to either side.
+    x = np.concatenate([np.arange(0.0, 51), np.arange(50.0, 9, -1)])
+    half = np.repeat([10.0, 3.0], [51, 41])
+    rims = [np.column_stack([x, half]), np.column_stack([x, -half])]
+    picture = np.vstack([*rims, np.full((2 * reference.CAP_POINTS, 2), -1e9)])
+    nothing = np.zeros((2, 92), dtype=bool)
+    ends = np.array([FLAT, FLAT])
+    missed = reference.unseen(picture, nothing, ends, covered=False)
+    assert missed == pytest.approx(2 * 50, abs=8)
+    assert reference.unseen(picture, nothing, ends) == pytest.approx(2 * 90, abs=16)
+
+
+def test_close_eyes_follow_outlines_far_in_depth():
+    # 1 px in depth moves a point 0.05 px in the pictures of eyes so close.
+    k = [[700, 0, 320], [0, 700, 240], [0, 0, 1]]
+    rig = StereoRig(*(Camera.from_pose(k, np.eye(3), [x, 0, 0], (640, 480)) for x in (1.5, -1.5)))
+    edges = tuple(mask_contour(straight_mask(camera, [-10, -6, 60], [10, 8, 60], 1.0))
+                  for camera in (rig.a, rig.b))  # fmt: skip
+    start = np.linspace([-10.5, -6.3, 63], [10.5, 8.4, 63], 60)
+
+    def depth(free_in_depth):
+        fit = fit_tube(rig, edges, start, 1.0, gates=(7.0,), passes=4, free_in_depth=free_in_depth)
+        return fit.tube.curve[:, 2].mean()
+
+    assert depth(True) == pytest.approx(60, abs=0.4)
+    assert depth(False) > 61
+
+
+def test_bends_count_by_their_squared_curvature():
+    # A quarter of a circle of radius 40, radius of the tube 2: 2 / 40² over 20 π.
+    curve = arc(40, 90).polyline(60)
+    control = BASIS.control_points(curve, np.linspace(0, 1, 60))
+    assert _bending(Tube.of(BASIS, control, 2.0, (FLAT, FLAT))) == pytest.approx(
+        2 / 40**2 * 20 * np.pi, rel=0.02
+    )
 
 
 def test_edges_that_face_the_other_way_belong_nowhere():
@@ -575,8 +637,9 @@ def test_compiled_account_of_the_rims(compiled, seed, n, capped, shown):
     seen = reference.rims_seen(*given_to)
     np.testing.assert_array_equal(compiled.rims_seen(*given_to), seen)
     picture = rng.normal(0, 100, (k, 2))
-    given_to = (picture, seen, np.array(capped))
-    assert compiled.unseen(*given_to) == pytest.approx(reference.unseen(*given_to), abs=1e-9)
+    for covered in (True, False):
+        given_to = (picture, seen, np.array(capped), covered)
+        assert compiled.unseen(*given_to) == pytest.approx(reference.unseen(*given_to), abs=1e-9)
     given_to = (weight, total, n)
     assert compiled.middle_offset(*given_to) == pytest.approx(reference.middle_offset(*given_to))
     given_to = (weight, total, 0.3, n)

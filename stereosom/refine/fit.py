@@ -206,7 +206,7 @@ def fit_tube(
             raise HardFrame("the fit left the device")
         # No step goes farther than edges are looked for.
         farthest_px = farthest / pixel_mm
-        longest = crossed if free_in_depth else max(crossed, farthest_px)
+        longest = crossed if free_in_depth else farthest_px
         moved *= min(1.0, (gate or _FARTHEST_PX) / max(longest, 1e-12))
         control, radius = control + moved, max(radius + grown, 1e-3)
         if gate is None and farthest_px < settled_px:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, partial
 from typing import Any
@@ -79,30 +79,37 @@ def with_better_ends(rig: StereoRig, fit: TubeFit, edges: Edges, refit: Refit) -
     """
     for _ in range(_TRIES):
         before = fit
-        with suppress(HardFrame):
-            found = _other_ends(rig, fit, edges)
-            if not found:
-                break
-            other = _with_ends(fit, found, refit)
-            # Another shape is told by its end; the whole need not tell it once more.
-            told = _TOLD if other.tube.capped == fit.tube.capped else 1 / _TOLD
-            fit = other if _price(other) < told * _price(fit) else fit
+        for found in _other_ends(rig, fit, edges):
+            with suppress(HardFrame):
+                other = _with_ends(fit, found, refit)
+                # Another shape is told by its end; the whole need not tell it once more.
+                told = _TOLD if other.tube.capped == fit.tube.capped else 1 / _TOLD
+                if _price(other) < told * _price(fit):
+                    fit = other
+                    break
+        if fit is before:
+            break
         if not any(fit.odd_ends) or fit.cost > _BETTER * before.cost:
             break
     return fit
 
 
-def _other_ends(rig: StereoRig, fit: TubeFit, edges: Edges) -> list[_Found]:
-    """What odd ends are rather, and which flat ones are rather half a ball; base before tip."""
+def _other_ends(rig: StereoRig, fit: TubeFit, edges: Edges) -> Iterator[list[_Found]]:
+    """What odd ends are rather, base before tip: with half a ball where that is likely, without."""
     piece = cache(partial(EndPiece.of, rig, fit, edges))
-    found = {end: _other_end(piece(end)) for end in (0, 1) if fit.odd_ends[end]}
+    odd: dict[int, TubeFit] = {}
+    with suppress(HardFrame):
+        odd = {end: _other_end(piece(end)) for end in (0, 1) if fit.odd_ends[end]}
+    found = dict(odd)
     for end in (0, 1):
         rounded = found.get(1 - end, fit).tube.capped[1 - end] == ROUND
         if _may_be_a_ball(rig, found.get(end, fit), end, expected=rounded):
             ball = _ball(piece(end), found.get(end))
             if ball:
                 found[end] = ball
-    return [(piece(end), found[end]) for end in (0, 1) if end in found]
+    for ends in (found, odd):
+        if ends and (ends is found or ends != found):
+            yield [(piece(end), ends[end]) for end in sorted(ends)]
 
 
 def _may_be_a_ball(rig: StereoRig, fit: TubeFit, end: int, expected: bool) -> bool:
@@ -130,8 +137,11 @@ def _ball(piece: EndPiece, flat: TubeFit | None) -> TubeFit | None:
         noise = sum(look.noise_variance for look in piece.whole.looks) / 2
         told = (flat.cost - ball.cost) / (2 * max(noise, 1e-6))
         straighter = _bending(flat.tube) - _bending(ball.tube)
-        likelier = told + _BENT * straighter > _FLAT
-        if likelier and (flat.odd_ends[end] or not ball.odd_ends[end]):
+        if not ball.odd_ends[end]:
+            likelier = told + _BENT * straighter > _FLAT
+        else:  # where neither fits, bends tell nothing
+            likelier = flat.odd_ends[end] and told > _FLAT
+        if likelier:
             return ball
     return None
 

@@ -132,6 +132,7 @@ class TubeSearch:
         if _as_good(fit, tried):
             return fit, tried
         odd = fit.odd_ends
+        other: TubeFit | None
         if not fit.ends_seen:
             with suppress(HardFrame):
                 other = self._fit(fit.tube.curve, radius, FROM_NEAR, capped=capped)
