@@ -137,11 +137,8 @@ def _ball(piece: EndPiece, flat: TubeFit | None) -> TubeFit | None:
         noise = sum(look.noise_variance for look in piece.whole.looks) / 2
         told = (flat.cost - ball.cost) / (2 * max(noise, 1e-6))
         straighter = _bending(flat.tube) - _bending(ball.tube)
-        if not ball.odd_ends[end]:
-            likelier = told + _BENT * straighter > _FLAT
-        else:  # where neither fits, bends tell nothing
-            likelier = flat.odd_ends[end] and told > _FLAT
-        if likelier:
+        likelier = told + _BENT * straighter > _FLAT
+        if likelier and (flat.odd_ends[end] or not ball.odd_ends[end]):
             return ball
     return None
 

@@ -10,6 +10,8 @@ from .spline import spline_basis
 # Bends that a device has: so many pieces of spline tell what the views leave open. More would
 # call bends possible that are not, fewer would smooth over what is not seen.
 _PIECES = 16
+# An edge along a row of pixels is rounded to one side for longer than a piece; so many, at most.
+_ROUNDED_PIECES = 3
 _LEAST_PX2 = 1e-6
 
 
@@ -26,7 +28,7 @@ def covariance_along(tube: Tube, looks: tuple[Look, Look], radius_known: bool) -
         basis.values, basis.slopes, basis.first, tube.speed,
         (look_a.picture, look_a.normals), (look_b.picture, look_b.normals),
         look_a.equations, look_b.equations,
-        max(n // _PIECES, 1), noise_variance(looks), tube.length, radius_known,
+        max(_ROUNDED_PIECES * n // _PIECES, 1), noise_variance(looks), tube.length, radius_known,
     )  # fmt: skip
     return found
 
