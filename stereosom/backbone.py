@@ -56,9 +56,12 @@ class Backbone:
             raise ValueError(
                 f"backbone: {len(coefficients)} control points cannot carry degree {self.degree}"
             )
-        knots = check_array(self.knots, "knots", (len(coefficients) + self.degree + 1,))
+        knots = self.knots
+        if not isinstance(knots, np.ndarray) or knots.dtype != np.float64 or knots.ndim != 1:
+            knots = check_array(knots, "knots", (None,))
+        knots = _checked_knots(knots.tobytes(), len(coefficients), self.degree)
         object.__setattr__(self, "coefficients", coefficients)
-        object.__setattr__(self, "knots", _checked_knots(knots.tobytes(), self.degree))
+        object.__setattr__(self, "knots", knots)
         if (coefficients == coefficients[0]).all():
             raise ValueError("backbone: the curve has no length")
 
@@ -266,9 +269,9 @@ class Backbone:
 
 
 @lru_cache(maxsize=64)
-def _checked_knots(knots: bytes, degree: int) -> Floats:
+def _checked_knots(knots: bytes, count: int, degree: int) -> Floats:
     """Knots that may be a spline's: a run's curves share them, and they are looked at once."""
-    checked = np.frombuffer(knots)
+    checked = check_array(np.frombuffer(knots), "knots", (count + degree + 1,))
     if np.any(checked[1:] < checked[:-1]) or checked[degree] >= checked[-degree - 1]:
         raise ValueError("backbone: the knots must not decrease and must span something")
     return checked

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .arrays import Booleans, Floats
+from .arrays import Booleans, Floats, Integers
 from .camera import StereoRig
 from .observation import Observation
 
@@ -18,6 +18,8 @@ _ALIKE_DEG = 15.0
 _BEYOND, _SAMPLES = 0.15, 400
 # A border is moved inwards only where no more of what is kept than this lies beyond.
 _BEYOND_CUT = 0.01
+# Which place of a curve a pixel is nearest to is told for squares of this size, px.
+_CELL_PX = 3.0
 
 
 def eyes_alike(rig: StereoRig) -> bool:
@@ -64,17 +66,16 @@ def trim_along(observation: Observation, curve: Floats) -> Observation:
             if 0 < end < len(way) - 1 and len(kept):
                 heading = inward * (way[end + 1] - way[end - 1])
                 line = np.append(heading, -heading @ way[end])
-                height = kept @ line[:2] + line[2]
-                beyond = np.flatnonzero(height < 0)
-                at = tree.query(kept[beyond])[1]
-                inside = np.ones(len(kept), dtype=bool)
-                inside[beyond[at < first if end == first else at > last]] = False
+                beyond = np.flatnonzero(kept @ line[:2] < -line[2])
+                at = _nearest(tree, kept[beyond])
+                gone = at < first if end == first else at > last
                 # A device that comes back from beyond is not cut there.
-                comes_back = np.count_nonzero(height[inside] < 0)
-                if comes_back < _BEYOND_CUT * np.count_nonzero(inside):
-                    inside &= height >= 0
+                comes_back = np.count_nonzero(~gone)
+                if comes_back < _BEYOND_CUT * (len(kept) - np.count_nonzero(gone)):
                     field = clipped(field, line)
-                kept = kept[inside]
+                else:
+                    beyond = beyond[gone]
+                kept = np.delete(kept, beyond, axis=0)
         pixels.append(kept)
         fields.append(field)
     if min(len(kept) for kept in pixels) == 0:
@@ -85,6 +86,15 @@ def trim_along(observation: Observation, curve: Floats) -> Observation:
         pixels_b=pixels[1],
         field_of_view=(fields[0], fields[1]),
     )
+
+
+def _nearest(tree: cKDTree, pixels: Floats) -> Integers:
+    """Which point is nearest to each pixel (n, 2), or to the middle of the square it lies in."""
+    cell = np.floor(pixels / _CELL_PX)
+    numbers = cell @ [1.0, 1e6]
+    _, first, of = np.unique(numbers, return_index=True, return_inverse=True)
+    nearest = np.asarray(tree.query((cell[first] + 0.5) * _CELL_PX)[1])
+    return np.asarray(nearest[of])
 
 
 def in_polygon(corners: Floats, pixels: Any) -> Booleans:

@@ -571,8 +571,8 @@ def random_equations(rng, n):
 
 
 @often
-@given(SEEDS, st.integers(4, 30), st.sampled_from([0.0, 0.3]), st.booleans())
-def test_compiled_step(compiled, seed, segments, noise, radius_known):
+@given(SEEDS, st.integers(4, 30), st.sampled_from([0.0, 0.3]), st.booleans(), st.booleans())
+def test_compiled_step(compiled, seed, segments, noise, radius_known, turning):
     rng, basis = np.random.default_rng(seed), spline_basis(segments)
     control = rng.normal(0, 30, (basis.count, 3))
     swept = reference.sweep(basis.values, basis.slopes, basis.first, control)
@@ -581,9 +581,12 @@ def test_compiled_step(compiled, seed, segments, noise, radius_known):
     given_to = (
         basis.values, basis.slopes, basis.first, basis.roughness, control, speed, tangents,
         random_equations(rng, basis.samples), random_equations(rng, basis.samples),
-        10.0 ** rng.uniform(-4, 2), noise, radius_known,
+        turning, 10.0 ** rng.uniform(-4, 2), noise, radius_known,
     )  # fmt: skip
-    assert_same(compiled.step(*given_to), reference.step(*given_to), 1e-7)
+    stepped = reference.step(*given_to)
+    assert_same(compiled.step(*given_to), stepped, 1e-7)
+    given_to = (basis.values, basis.slopes, basis.first, speed, given_to[7], *stepped[:2])
+    assert_same([compiled.crossed(*given_to)], [reference.crossed(*given_to)], 1e-7)
 
 
 @often

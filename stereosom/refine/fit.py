@@ -192,21 +192,25 @@ def fit_tube(
             hidden, shown = shown, _ends_shown(rig, tube, looks)
             if shown != hidden:
                 looks = _looks(rig, contours, tube, gate, shown)
-        # Seen nearly edge-on, a disc tilted to either side looks the same: until the curve is
-        # near, its rims alone say how it runs.
-        caps_turn = gate is None or gate <= _TURNING
+        views = (looks[0].equations, looks[1].equations)
         anew = number <= max(len(gates), 1) and (number or len(gates) > 1)
-        moved, grown, farthest, crossed, stiffness = kernels().step(
+        moved, grown, farthest, stiffness = kernels().step(
             basis.values, basis.slopes, basis.first, roughness,
             control, tube.speed, tube.tangents,
-            *(look.equations if caps_turn else look.steady_equations for look in looks),
+            *views, gate is None or gate <= _TURNING,
             stiffness, noise_variance(looks) if anew else 0.0, radius_known,
         )  # fmt: skip
-        if not np.isfinite(moved).all() or np.abs(moved).max() > 1e4:
+        if not np.abs(moved).max() <= 1e4:  # nor where it is not a number
             raise HardFrame("the fit left the device")
         # No step goes farther than edges are looked for.
-        farthest_px = farthest / pixel_mm
-        longest = crossed if free_in_depth else farthest_px
+        longest = farthest_px = farthest / pixel_mm
+        if free_in_depth:
+            longest = max(
+                kernels().crossed(
+                    basis.values, basis.slopes, basis.first, tube.speed, view, moved, grown
+                )
+                for view in views
+            )
         moved *= min(1.0, (gate or _FARTHEST_PX) / max(longest, 1e-12))
         control, radius = control + moved, max(radius + grown, 1e-3)
         if gate is None and farthest_px < settled_px:

@@ -174,11 +174,6 @@ class Look:
         """What a step is made of."""
         return self.pull, self.turn, self.grow, self.weight, self.total
 
-    @property
-    def steady_equations(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """The same where the flat ends do not turn with the curve."""
-        return self.pull, np.zeros_like(self.turn), self.grow, self.weight, self.total
-
     @cached_property
     def rims_seen(self) -> Booleans:
         """Whether edges are at each sample's left and right rim, (2, n)."""

@@ -96,6 +96,11 @@ def with_better_ends(rig: StereoRig, fit: TubeFit, edges: Edges, refit: Refit) -
 
 def _other_ends(rig: StereoRig, fit: TubeFit, edges: Edges) -> Iterator[list[_Found]]:
     """What odd ends are rather, base before tip: with half a ball where that is likely, without."""
+    balls = [shape == ROUND for shape in fit.tube.capped]
+    if not any(fit.odd_ends) and not any(
+        _may_be_a_ball(rig, fit, end, expected=balls[1 - end]) for end in (0, 1)
+    ):
+        return
     piece = cache(partial(EndPiece.of, rig, fit, edges))
     odd: dict[int, TubeFit] = {}
     with suppress(HardFrame):

@@ -1,7 +1,7 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
 from .edges import contour, look, match, middle_offset, rims_seen, unseen
-from .equations import by_length, covariance, roughness_like, step, sweep
+from .equations import by_length, covariance, crossed, roughness_like, step, sweep
 from .lengths import evenly, reach_along, steps_in_picture
 from .noise import likeness, rounding
 from .outline import outline
@@ -11,6 +11,7 @@ __all__ = [
     "by_length",
     "contour",
     "covariance",
+    "crossed",
     "evenly",
     "likeness",
     "look",

@@ -35,13 +35,13 @@ def sweep(values, slopes, first, control):  # type: ignore[no-untyped-def]
 @compiled
 def step(  # type: ignore[no-untyped-def]
     values, slopes, first, roughness, control, speed, tangents,
-    view_a, view_b, stiffness, noise, radius_known,
+    view_a, view_b, turning, stiffness, noise, radius_known,
 ):  # fmt: skip
     """As `reference.step`."""
     n, m = values.shape
     matrix, column, side = np.zeros((3 * m, band.WIDTH)), np.zeros(3 * m), np.zeros(3 * m + 1)
-    corner = _gather(values, slopes, first, speed, view_a, matrix, column, side)
-    corner += _gather(values, slopes, first, speed, view_b, matrix, column, side)
+    corner = _gather(values, slopes, first, speed, view_a, turning, matrix, column, side)
+    corner += _gather(values, slopes, first, speed, view_b, turning, matrix, column, side)
     across = matrix[:, 0].sum()
     if noise > 0:
         rough, undetermined = 0.0, 0.0
@@ -89,11 +89,28 @@ def step(  # type: ignore[no-untyped-def]
         for axis in range(3):
             squared += (shift[axis] - along * tangents[i, axis]) ** 2
         farthest = max(farthest, squared)
-    crossed = max(
-        _farthest(values, slopes, first, speed, view_a, moved, grown),
-        _farthest(values, slopes, first, speed, view_b, moved, grown),
-    )
-    return moved, grown, np.sqrt(farthest), crossed, stiffness
+    return moved, grown, np.sqrt(farthest), stiffness
+
+
+@compiled
+def crossed(values, slopes, first, speed, view, moved, grown):  # type: ignore[no-untyped-def]
+    """As `reference.crossed`."""
+    pull, turn, grow, weight, _ = view
+    n = len(values)
+    farthest = 0.0
+    for k in range(len(pull)):
+        if weight[k] == 0.0:
+            continue
+        i = k % n if k < 2 * n else (0 if k < 2 * n + CAP_POINTS else n - 1)
+        across = grow[k] * grown
+        for axis in range(3):
+            shift, turned = 0.0, 0.0
+            for j in range(4):
+                shift += values[i, first[i] + j] * moved[first[i] + j, axis]
+                turned += slopes[i, first[i] + j] * moved[first[i] + j, axis]
+            across += pull[k, axis] * shift + turn[k, axis] * turned / speed[i]
+        farthest = max(farthest, abs(across))
+    return farthest
 
 
 @compiled
@@ -138,7 +155,7 @@ def covariance(  # type: ignore[no-untyped-def]
             crossings = abs(normals[k, 0]) + abs(normals[k, 1])
             telling[k] = weight[k] / crossings * noise / (noise + shared[k])
         told = (pull, turn, grow, telling, total)
-        corner += _gather(values, slopes, first, speed, told, matrix, column, side)
+        corner += _gather(values, slopes, first, speed, told, True, matrix, column, side)
     band.factor(matrix)
     inverse = band.inverse(matrix, column, corner)
     found = np.zeros((n, 3, 3))
@@ -212,7 +229,7 @@ def by_length(curve, tangents, covariance, factors, along, start, stop, count): 
 
 
 @compiled
-def _gather(values, slopes, first, speed, view, matrix, column, side):  # type: ignore[no-untyped-def]
+def _gather(values, slopes, first, speed, view, turning, matrix, column, side):  # type: ignore[no-untyped-def]
     """Add a view's equations to the band, the radius' column and the right side.
 
     The rims' points move with their sample alone: their sums, 3 × 3, are gathered first.
@@ -250,6 +267,7 @@ def _gather(values, slopes, first, speed, view, matrix, column, side):  # type: 
         i = 0 if k < 2 * n + CAP_POINTS else n - 1
         for j in range(4):
             value, slope = values[i, first[i] + j], slopes[i, first[i] + j] / speed[i]
+            slope = slope if turning else 0.0
             for axis in range(3):
                 row[3 * j + axis] = value * pull[k, axis] + slope * turn[k, axis]
         at = 3 * first[i]
@@ -263,27 +281,6 @@ def _gather(values, slopes, first, speed, view, matrix, column, side):  # type: 
         corner += weight[k] * grow[k] ** 2
         side[-1] += total[k] * grow[k]
     return corner
-
-
-@compiled
-def _farthest(values, slopes, first, speed, view, moved, grown):  # type: ignore[no-untyped-def]
-    """How far a step moves a view's outline across itself where edges are, px."""
-    pull, turn, grow, weight, _ = view
-    n = len(values)
-    farthest = 0.0
-    for k in range(len(pull)):
-        if weight[k] == 0.0:
-            continue
-        i = k % n if k < 2 * n else (0 if k < 2 * n + CAP_POINTS else n - 1)
-        across = grow[k] * grown
-        for axis in range(3):
-            shift, turned = 0.0, 0.0
-            for j in range(4):
-                shift += values[i, first[i] + j] * moved[first[i] + j, axis]
-                turned += slopes[i, first[i] + j] * moved[first[i] + j, axis]
-            across += pull[k, axis] * shift + turn[k, axis] * turned / speed[i]
-        farthest = max(farthest, abs(across))
-    return farthest
 
 
 @compiled

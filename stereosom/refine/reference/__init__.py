@@ -6,7 +6,7 @@ and as many around the tip's.
 """
 
 from .edges import contour, look, match, middle_offset, rims_seen, unseen
-from .equations import assemble, by_length, covariance, roughness_like, step, sweep
+from .equations import assemble, by_length, covariance, crossed, roughness_like, step, sweep
 from .lengths import evenly, reach_along, steps_in_picture
 from .noise import HARMONICS, likeness, rounding
 from .outline import CAP_POINTS, FLAT, NOWHERE, OPEN, ROUND, outline, owners, pieces
@@ -23,6 +23,7 @@ __all__ = [
     "by_length",
     "contour",
     "covariance",
+    "crossed",
     "evenly",
     "likeness",
     "look",

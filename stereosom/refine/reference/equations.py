@@ -125,10 +125,11 @@ def step(
     tangents: Floats,
     view_a: View,
     view_b: View,
+    turning: bool,
     stiffness: float,
     noise: float,
     radius_known: bool,
-) -> tuple[Floats, float, float, float, float]:
+) -> tuple[Floats, float, float, float]:
     """One step of Gauss-Newton, held by the spline's stiffness.
 
     The stiffness follows from how rough the curve is against how noisy its picture (D. J. C.
@@ -145,6 +146,9 @@ def step(
         As from `sweep`.
     view_a, view_b : tuple of arrays
         pull, turn, grow, weight and total, as in `Look`.
+    turning : bool
+        Whether flat ends turn with the curve. Seen nearly edge-on, a disc tilted to either side
+        looks the same: until the curve is near, its rims alone say how it runs.
     stiffness : float
         px²/mm².
     noise : float
@@ -160,14 +164,12 @@ def step(
         Of the radius, mm.
     farthest : float
         Largest shift of the curve across itself, mm; along it, a fifth of its ends'.
-    crossed : float
-        Largest shift of an outline across itself, where edges are, px.
     stiffness : float
     """
     m = len(control)
     matrix, side = np.zeros((3 * m + 1, 3 * m + 1)), np.zeros(3 * m + 1)
-    for view in (view_a, view_b):
-        more, sided = assemble(values, slopes, speed, *view)
+    for pull, turn, *rest in (view_a, view_b):
+        more, sided = assemble(values, slopes, speed, pull, turn if turning else 0 * turn, *rest)
         matrix, side = matrix + more, side + sided
     rough = float(np.sum(control * (roughness @ control)))
     if noise > 0:
@@ -190,11 +192,24 @@ def step(
     along[[0, -1]] *= 0.8
     across = shift - along[:, None] * tangents
     farthest = float(np.sqrt(np.max(np.sum(across**2, axis=1))))
-    crossed = max(
-        float(np.abs(moving(values, slopes, speed, *view[:3])[view[3] > 0] @ solution).max())
-        for view in (view_a, view_b)
-    )
-    return moved, float(solution[-1]), farthest, crossed, stiffness
+    return moved, float(solution[-1]), farthest, stiffness
+
+
+def crossed(
+    values: Floats,
+    slopes: Floats,
+    first: Integers,
+    speed: Floats,
+    view: View,
+    moved: Floats,
+    grown: float,
+) -> float:
+    """Largest shift of a view's outline across itself, where edges are, by a step, px.
+
+    Parameters as of `step`, and what it returns.
+    """
+    rows = moving(values, slopes, speed, *view[:3])[view[3] > 0]
+    return float(np.max(np.abs(rows @ np.append(moved, grown)), initial=0.0))
 
 
 def _held(matrix: Floats, roughness: Floats, stiffness: float) -> Floats:
