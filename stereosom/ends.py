@@ -60,7 +60,7 @@ def trim_to_shared_stretch(observation: Observation) -> Observation:
             continue
         line = sign * rig.epipolar_line(cameras[long], sign * starts[short])
         kept = pixels[long] @ line[:2] + line[2] >= 0
-        pixels[long] = pixels[long][kept]
+        pixels[long] = np.compress(kept, pixels[long], axis=0)
         fields[long] = clipped(fields[long], line)
     if all(len(pixels[view]) == len(angles[view]) for view in pixels):
         return observation

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,8 @@ _SAMPLES = 121
 _CUT_OFF = 2.5
 # Where steps get smaller than this, px, the fit of a device that is followed ends.
 _FOLLOWED_PX = 0.15
+# A device with more edges in a view than twice so many is first followed by some, to such steps.
+_ENOUGH, _NEAR_PX = 1000, 1.0
 _NEITHER = (False, False)
 # A fit elsewhere is worth leaving what was followed where it costs so much less.
 _BETTER = 0.9
@@ -124,9 +127,14 @@ class TubeSearch:
         rounded = tried.round_ends if tried else _NEITHER
         capped = self._capped(curve, radius, rounded)
         close = eyes_alike(self.seen.rig)
-        fit = self._fit(
-            curve, radius, gates, capped=capped, settled_px=_FOLLOWED_PX, free_in_depth=close
-        )
+        follow = partial(self._fit, radius=radius, capped=capped, free_in_depth=close)
+        expected, many = curve, max(len(edges) for edges in self.edges)
+        if many > 2 * _ENOUGH:  # some of them lead near enough to the rest
+            some = slice(None, None, many // _ENOUGH)
+            fewer = (self.edges[0].where(some), self.edges[1].where(some))
+            rough = follow(curve, gates=gates, settled_px=_NEAR_PX, edges=fewer)
+            curve, gates = rough.backbone.polyline(_SAMPLES), ON_TRACK
+        fit = follow(curve, gates=gates, settled_px=_FOLLOWED_PX)
         if not close:
             fit = nearer_or_farther(self.seen.rig, fit, self.edges, self._fit, _FOLLOWED_PX)
         if _as_good(fit, tried):
@@ -143,20 +151,27 @@ class TubeSearch:
         # An end that is seen, and odd all the same, is so anywhere.
         if _misses(fit) or not fit.ends_seen:
             with suppress(HardFrame):
-                other = self.anywhere(curve, rounded)
+                other = self.anywhere(expected, rounded)
         if other is None or other.cost >= _BETTER * fit.cost:
             fit = with_better_ends(self.seen.rig, fit, self.edges, self._fit)
         if other is not None and other.cost < _BETTER * fit.cost:
             fit = other
         return fit, what_was_tried(fit, odd)
 
-    def _fit(self, curve: Floats, radius: float, gates: Sequence[float], **details: Any) -> TubeFit:
+    def _fit(
+        self,
+        curve: Floats,
+        radius: float,
+        gates: Sequence[float],
+        edges: tuple[Contour, Contour] | None = None,
+        **details: Any,
+    ) -> TubeFit:
         radius = self.radius or radius
         if "capped" not in details:
             details["capped"] = self._capped(curve, radius)
         return fit_tube(
             self.seen.rig,
-            self.edges,
+            edges or self.edges,
             curve,
             radius,
             radius_known=self.radius is not None,
