@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, get_args
@@ -114,8 +115,7 @@ class Observation:
         corners = self.field_of_view[0 if view == "a" else 1]
         pixels = np.asarray(pixels, dtype=float)
         nearest = np.full(len(pixels), np.inf)
-        for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            side = end - start
+        for start, side in zip(corners, _sides(corners), strict=True):
             share = np.clip((pixels - start) @ side / max(side @ side, 1e-12), 0, 1)
             distance = np.linalg.norm(pixels - start - share[:, None] * side, axis=1)
             nearest = np.minimum(nearest, distance)
@@ -132,9 +132,18 @@ class Observation:
         within : float
             px.
         """
+        found = np.zeros(len(pixels), dtype=bool)
         if self._clearance["ab".index(view)] > within + 0.5:
-            return np.zeros(len(pixels), dtype=bool)
-        return np.asarray(self.distance_to_border(view, pixels) <= within)
+            return found
+        # Few pixels lie near the lines that the sides are parts of: the others are no nearer.
+        assert self.field_of_view is not None
+        corners = self.field_of_view["ab".index(view)]
+        for start, side in zip(corners, _sides(corners), strict=True):
+            normal = np.array([-side[1], side[0]]) / max(math.hypot(*side), 1e-12)
+            found |= np.abs(pixels @ normal - start @ normal) < within + 1e-6
+        near = np.flatnonzero(found)
+        found[near] = self.distance_to_border(view, pixels[near]) <= within
+        return found
 
     @cached_property
     def _clearance(self) -> tuple[float, float]:
@@ -149,12 +158,17 @@ class Observation:
             x, y = pixels.T  # a minimum over each takes a tenth of that over both
             left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
             box = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
-            sides = corners[[*range(1, len(corners)), 0]] - corners
+            sides = _sides(corners)
             offset = box[:, None] - corners
             inward = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
             inward /= np.maximum(np.sqrt(np.sum(sides**2, axis=1)), 1e-12)
             clearances.append(float(max(inward.min(), -inward.max())))
         return clearances[0], clearances[1]
+
+
+def _sides(corners: Floats) -> Floats:
+    """From each corner (n, 2) to the next."""
+    return corners[[*range(1, len(corners)), 0]] - corners
 
 
 def picture_border(camera: Camera) -> Floats:
