@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, get_args
@@ -112,14 +111,12 @@ class Observation:
     def distance_to_border(self, view: View, pixels: Any) -> Floats:
         """Distance of (n, 2) pixels to the border of a view's field, (n,), px."""
         assert self.field_of_view is not None  # filled in when made
-        corners = self.field_of_view[0 if view == "a" else 1]
-        pixels = np.asarray(pixels, dtype=float)
-        nearest = np.full(len(pixels), np.inf)
-        for start, side in zip(corners, _sides(corners), strict=True):
-            share = np.clip((pixels - start) @ side / max(side @ side, 1e-12), 0, 1)
-            distance = np.linalg.norm(pixels - start - share[:, None] * side, axis=1)
-            nearest = np.minimum(nearest, distance)
-        return nearest
+        corners = self.field_of_view["ab".index(view)][:, None]
+        sides = _sides(corners)
+        away = np.asarray(pixels, dtype=float) - corners
+        share = np.sum(away * sides, axis=2) / np.maximum(np.sum(sides**2, axis=2), 1e-12)
+        away -= np.clip(share, 0, 1)[:, :, None] * sides
+        return np.asarray(np.sqrt(np.sum(away**2, axis=2).min(axis=0)))
 
     def at_border(self, view: View, pixels: Any, within: float) -> Booleans:
         """Whether (n, 2) pixels inside a view's field lie no farther from its border, (n,), px.
@@ -132,17 +129,16 @@ class Observation:
         within : float
             px.
         """
-        found = np.zeros(len(pixels), dtype=bool)
         if self._clearance["ab".index(view)] > within + 0.5:
-            return found
-        # Few pixels lie near the lines that the sides are parts of: the others are no nearer.
+            return np.zeros(len(pixels), dtype=bool)
+        # Few pixels are so near to the lines that the sides lie on: of them, the sides are asked.
         assert self.field_of_view is not None
         corners = self.field_of_view["ab".index(view)]
-        for start, side in zip(corners, _sides(corners), strict=True):
-            normal = np.array([-side[1], side[0]]) / max(math.hypot(*side), 1e-12)
-            found |= np.abs(pixels @ normal - start @ normal) < within + 1e-6
-        near = np.flatnonzero(found)
-        found[near] = self.distance_to_border(view, pixels[near]) <= within
+        normals = _sides(corners)[:, ::-1] * [-1, 1]
+        normals /= np.maximum(np.sqrt(np.sum(normals**2, axis=1)), 1e-12)[:, None]
+        offset = normals @ np.asarray(pixels).T - np.sum(normals * corners, axis=1)[:, None]
+        found = np.asarray(np.abs(offset).min(axis=0) < within + 1e-6)
+        found[found] = self.distance_to_border(view, pixels[found]) <= within
         return found
 
     @cached_property
