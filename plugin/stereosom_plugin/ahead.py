@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 _ITEM, _ERROR, _END = range(3)
 # What waits to be taken may be so much: four frames of 1024², or else one that is slow to fit
-# lets the other process idle. Linux allows no more to all.
+# lets the other process idle. Linux gives more to nobody but root.
 _WAITING_BYTES = 1 << 20
 # The process that works ahead has so long to close what it has open.
 _PATIENCE_S = 5.0
