@@ -141,7 +141,8 @@ def _report(folder: OutputFolder, arguments: Arguments) -> None:
     counts = {row["status"]: 0 for row in rows}
     for row in rows:
         counts[row["status"]] += 1
-    say(arguments, f"{len(rows)} frames: " + ", ".join(f"{n} {s}" for s, n in counts.items()))
+    frames = "1 frame" if len(rows) == 1 else f"{len(rows)} frames"
+    say(arguments, f"{frames}: " + ", ".join(f"{n} {s}" for s, n in counts.items()))
     curves = [row for row in rows if row["status"] in ("ok", "predicted")]
     if curves:
         say(
