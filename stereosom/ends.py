@@ -228,7 +228,7 @@ def _end_beyond(pixels: Floats, outermost: Floats) -> Floats:
 def _is_open(observation: Observation, view: View, ends: Floats) -> Booleans:
     """Whether the device leaves the field of view at each of the (2, 2) end pixels."""
     pixels = observation.pixels_a if view == "a" else observation.pixels_b
-    at_border = pixels[observation.distance_to_border(view, pixels) <= _AT_BORDER_PX]
+    at_border = pixels[observation.at_border(view, pixels, _AT_BORDER_PX)]
     if len(at_border) == 0:
         return np.zeros(2, dtype=bool)
     extent = float(np.linalg.norm(np.ptp(pixels, axis=0)))

@@ -111,15 +111,12 @@ class Observation:
     def distance_to_border(self, view: View, pixels: Any) -> Floats:
         """Distance of (n, 2) pixels to the border of a view's field, (n,), px."""
         assert self.field_of_view is not None  # filled in when made
-        corners = self.field_of_view[0 if view == "a" else 1]
-        pixels = np.asarray(pixels, dtype=float)
-        nearest = np.full(len(pixels), np.inf)
-        for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            side = end - start
-            share = np.clip((pixels - start) @ side / max(side @ side, 1e-12), 0, 1)
-            distance = np.linalg.norm(pixels - start - share[:, None] * side, axis=1)
-            nearest = np.minimum(nearest, distance)
-        return nearest
+        corners = self.field_of_view["ab".index(view)][:, None]
+        sides = _sides(corners)
+        away = np.asarray(pixels, dtype=float) - corners
+        share = np.sum(away * sides, axis=2) / np.maximum(np.sum(sides**2, axis=2), 1e-12)
+        away -= np.clip(share, 0, 1)[:, :, None] * sides
+        return np.asarray(np.sqrt(np.sum(away**2, axis=2).min(axis=0)))
 
     def at_border(self, view: View, pixels: Any, within: float) -> Booleans:
         """Whether (n, 2) pixels inside a view's field lie no farther from its border, (n,), px.
@@ -134,7 +131,15 @@ class Observation:
         """
         if self._clearance["ab".index(view)] > within + 0.5:
             return np.zeros(len(pixels), dtype=bool)
-        return np.asarray(self.distance_to_border(view, pixels) <= within)
+        # Few pixels are so near to the lines that the sides lie on: of them, the sides are asked.
+        assert self.field_of_view is not None
+        corners = self.field_of_view["ab".index(view)]
+        normals = _sides(corners)[:, ::-1] * [-1, 1]
+        normals /= np.maximum(np.sqrt(np.sum(normals**2, axis=1)), 1e-12)[:, None]
+        offset = normals @ np.asarray(pixels).T - np.sum(normals * corners, axis=1)[:, None]
+        found = np.asarray(np.abs(offset).min(axis=0) < within + 1e-6)
+        found[found] = self.distance_to_border(view, pixels[found]) <= within
+        return found
 
     @cached_property
     def _clearance(self) -> tuple[float, float]:
@@ -149,12 +154,17 @@ class Observation:
             x, y = pixels.T  # a minimum over each takes a tenth of that over both
             left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
             box = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
-            sides = corners[[*range(1, len(corners)), 0]] - corners
+            sides = _sides(corners)
             offset = box[:, None] - corners
             inward = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
             inward /= np.maximum(np.sqrt(np.sum(sides**2, axis=1)), 1e-12)
             clearances.append(float(max(inward.min(), -inward.max())))
         return clearances[0], clearances[1]
+
+
+def _sides(corners: Floats) -> Floats:
+    """From each corner (n, 2) to the next."""
+    return corners[[*range(1, len(corners)), 0]] - corners
 
 
 def picture_border(camera: Camera) -> Floats:

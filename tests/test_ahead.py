@@ -72,7 +72,7 @@ def test_it_ends_with_its_taker_and_never_runs_far_ahead(tmp_path):
         while True:
             with log.open("a") as file:
                 file.write("x")
-            yield np.zeros(20_000)
+            yield np.zeros(80_000)
             number += 1
 
     made = ahead(endless())
@@ -131,14 +131,14 @@ def test_what_cannot_be_written_ends_the_run(monkeypatch):
         list(run_on(Disk(full=True), monkeypatch))
 
 
-def test_small_items_wait_so_that_a_slow_one_holds_up_nobody(tmp_path):
+def test_frames_wait_so_that_a_slow_one_holds_up_nobody(tmp_path):
     if not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
         pytest.skip("one processor, or another system")
     log = tmp_path / "made"
 
     def items():
         for _ in range(4):
-            yield np.zeros(5_000)
+            yield np.zeros(30_000)  # as much as a frame of 1024²
             with log.open("a") as file:
                 file.write("x")
 

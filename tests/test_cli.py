@@ -148,7 +148,7 @@ def test_planes_in_the_other_order_give_the_same(sample, demo, tmp_path):
 def test_masks_and_evaluate(mask_case, tmp_path, capsys):
     words = ["masks", mask_case / "a.png", mask_case / "b.png", "--rig", mask_case / "rig.json"]
     assert main([*map(str, words), "--output", str(tmp_path / "out"), "--spacing", "0.5"]) == 0
-    assert "1 frames: 1 ok" in capsys.readouterr().out
+    assert "1 frame: 1 ok" in capsys.readouterr().out
     assert main(["evaluate", str(tmp_path / "out"), "--truth", str(mask_case / "truth.csv")]) == 0
     header, values = capsys.readouterr().out.splitlines()
     assert header.split()[:2] == ["frame", "distance"]

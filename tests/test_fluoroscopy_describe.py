@@ -60,6 +60,12 @@ def test_a_plain_run(write_pair, capsys):
         assert lines.endswith("nothing assumed\n")
 
 
+def test_a_single_frame_has_no_rate(write_pair, dicom_files, capsys):
+    one = dicom_files.gray_frames(1)
+    lines = described(capsys, *write_pair(frames_a=one, frames_b=one))
+    assert "  1 frame, from 10:15:00 on" in lines
+
+
 def test_what_was_assumed_is_listed(write_pair, capsys):
     late = {"AcquisitionTime": "101500.040", "DistanceSourceToPatient": None}
     paths = write_pair(a={"AcquisitionTime": "101500.020"}, b=late)

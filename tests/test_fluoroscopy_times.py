@@ -42,7 +42,17 @@ def test_no_time_and_no_rate_is_refused(write_pair):
         read_biplane(*write_pair(both=NO_TIME))
 
 
-@pytest.mark.parametrize("steps", [["0", "10"], ["0", "10", "-5"]])
+@pytest.mark.parametrize("first", ["0", "40"])
+def test_a_time_vector_of_zeros_tells_no_time(write_pair, first):
+    zeros = VECTOR | {"FrameTimeVector": [first, "0", "0"]}
+    acquisition = read_biplane(*write_pair("rate", both=zeros | {"CineRate": "20"}))
+    np.testing.assert_allclose(acquisition.times, [0, 0.05, 0.1])
+    assert "FrameTimeVector (0018,1065) is all zero; times follow" in acquisition.notes[0]
+    with pytest.raises(InputError, match="has no FrameTime"):
+        read_biplane(*write_pair("none", both=zeros))
+
+
+@pytest.mark.parametrize("steps", [["0", "10"], ["40"], ["0", "10", "-5"]])
 def test_a_torn_time_vector_is_refused(write_pair, steps):
     with pytest.raises(InputError, match="FrameTimeVector"):
         read_biplane(*write_pair(a=VECTOR | {"FrameTimeVector": steps}))

@@ -21,6 +21,18 @@ def test_the_field_of_view_is_the_picture_unless_given():
     assert distance == pytest.approx([0.5, 383.5, 0.5])  # pixels are half a pixel from the edge
 
 
+@pytest.mark.parametrize("within", [0.0, 1.5, 40.0])
+def test_pixels_at_the_border_are_those_no_farther_from_it(within):
+    shutter = [[100, 80], [700, 60], [900, 400], [620, 700], [90, 500]]
+    row, column = np.indices((768, 1024)).reshape(2, -1)[:, ::37]
+    pixels = np.column_stack([column, row]).astype(float)
+    pixels = np.concatenate([pixels, shutter])
+    seen = Observation(pixels, pixels[:1], RIG, field_of_view=(shutter, shutter))
+    near = seen.at_border("a", pixels, within)
+    assert near.any()
+    assert np.array_equal(near, seen.distance_to_border("a", pixels) <= within)
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [

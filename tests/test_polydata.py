@@ -17,6 +17,8 @@ from stereosom.synthetic import arc
 from stereosom_plugin import polydata
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.files import sweep, write_whole
+from stereosom_plugin.vtp_text import vtp_text
+from stereosom_plugin.vtp_writer import make_polydata
 
 COVARIANCE = np.array([[0.04, 0.01, 0.02], [0.01, 0.09, 0.03], [0.02, 0.03, 0.16]])
 POINT_ARRAYS = {
@@ -160,6 +162,44 @@ def test_frame_without_backbone_is_refused(tmp_path):
     with pytest.raises(ValueError, match="frame 7 has no backbone: no device in view b"):
         polydata.write_vtp(lost, tmp_path / "c.vtp")
     assert not list(tmp_path.iterdir())
+
+
+def contents(data):
+    """Size and values of all numbers and strings, points and line too, and what is active."""
+    parts = {"points": data.GetPoints().GetData(), "line": data.GetLines().GetConnectivityArray()}
+    for of in ("GetPointData", "GetCellData", "GetFieldData"):
+        held = getattr(data, of)()
+        for number in range(held.GetNumberOfArrays()):
+            parts[of, held.GetArrayName(number)] = held.GetAbstractArray(number)
+    to = data.GetPointData()
+    active = [getattr(to, f"Get{role}")() for role in ("Scalars", "Vectors", "Normals")]
+    return {
+        name: (
+            array.GetDataTypeSize(),
+            array.GetNumberOfComponents(),
+            [array.GetValue(number) for number in range(array.GetNumberOfValues())],
+        )
+        for name, array in parts.items()
+    } | {"active": [array and array.GetName() for array in active]}
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_text_of_a_file_is_read_as_what_vtk_holds(known, tmp_path):
+    points = np.random.default_rng(0).normal(size=(7, 3))
+    described = {"Length": [2.5], "Tortuosity": [0.25], "Frame": [3], "SPACE": ["LPS"]}
+    point_data = {}
+    if known:
+        point_data = {
+            "Abscissas": points[:, 0],
+            "FrenetTangent": points,
+            "ParallelTransportNormals": points[::-1],
+            "Covariance": np.hstack([points, points]),
+            "Determined": points[:, 0] > 0,
+        }
+        described |= {'a "name" <&>': ["größer", "", "b"], "ReprojectionError": (0.5, 0.25)}
+    (tmp_path / "c.vtp").write_text(vtp_text(points, point_data, described), encoding="utf-8")
+    made = make_polydata(points, point_data, described)
+    assert contents(vtk_read(tmp_path / "c.vtp")) == contents(made)
 
 
 # ---- what is read back ---------------------------------------------------------------

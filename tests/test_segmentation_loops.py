@@ -98,6 +98,24 @@ def test_shadow(face, ends, pace):
     assert np.count_nonzero(share) > 100
 
 
+@pytest.mark.parametrize("face", [False, True])
+def test_the_light_that_a_tail_leaves(face):
+    rng = np.random.default_rng(1)
+    pixels = np.argwhere(rng.random((20, 30)) < 0.7)[:, ::-1].astype(float)
+    body = rng.random(len(pixels)) * (pixels[:, 0] < 10)
+    weights = gaussian(0.8, reach=3.0)
+    (root,) = same("covered", pixels, body, line()[5:30], 4.0, 0.7, face, 1.5, weights, (20, 30))
+    assert root.min() < 0.6
+    assert root.max() == pytest.approx(1)
+
+
+def test_deviations_are_limited_and_some_are_added():
+    light, seen = np.random.default_rng(1).normal(size=(2, 300))
+    (off,) = same("deviations", light, seen, 0.3, 2.0, np.array([7.0, -8.0]))
+    assert np.abs(off[:300]).max() == 2
+    assert off[300:].tolist() == [7, -8]
+
+
 @pytest.mark.parametrize("deviation", [0.3, 0.8, 4.0])
 def test_blur_of_a_picture_mirrors_beyond_its_borders(deviation):
     same("smooth", rng.random((20, 25)), gaussian(deviation, reach=3.0))

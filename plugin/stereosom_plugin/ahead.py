@@ -16,8 +16,9 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 _ITEM, _ERROR, _END = range(3)
-# What waits to be taken may be so much.
-_WAITING_BYTES = 1 << 18
+# What waits to be taken may be so much: four frames of 1024², or else one that is slow to fit
+# lets the other process idle. Linux gives more to nobody but root.
+_WAITING_BYTES = 1 << 20
 # The process that works ahead has so long to close what it has open.
 _PATIENCE_S = 5.0
 
@@ -25,7 +26,7 @@ _PATIENCE_S = 5.0
 def ahead(items: Iterable[T]) -> Iterator[T]:
     """Yield the same as `items`, which another process makes meanwhile, some items ahead.
 
-    As many wait as fit in a quarter of a megabyte.
+    As many wait as fit in a megabyte.
 
     The process is a copy of this one (a fork), so that `items` may be anything; what it yields
     must be picklable. Where there is no fork, or but one processor, it is this process that

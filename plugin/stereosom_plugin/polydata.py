@@ -21,7 +21,8 @@ from stereosom.reconstruction import Reconstruction
 from .centerline import Centerline, from_polydata, read_vtp
 from .files import write_whole
 from .version import generator
-from .vtp_writer import make_polydata, vtp_text
+from .vtp_text import vtp_text
+from .vtp_writer import make_polydata
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -77,24 +78,7 @@ def to_polydata(
     ValueError
         Where the result has no backbone, or fewer than two points are asked for.
     """
-    backbone, s = _sampled(result, samples, spacing)
-    arrays = _point_arrays(result, backbone, s)
-    points = backbone(s)
-    # A closed curve has no chord to compare with.
-    chord = float(np.linalg.norm(points[-1] - points[0]))
-    described: dict[str, Any] = {
-        "Length": [backbone.length],
-        "Tortuosity": [backbone.length / chord - 1 if chord > 0 else 0.0],
-        "SPACE": ["LPS"],
-        "TimeValue": [result.time],
-        "Frame": [result.index],
-        "ReprojectionError": result.residuals,
-        "Method": [result.method],
-        "Generator": [generator()],
-    }
-    if source_uids:
-        described["SourceSOPInstanceUID"] = list(source_uids)
-    return make_polydata(points, arrays, described)
+    return make_polydata(*_content(result, samples, spacing, source_uids))
 
 
 def to_centerline(result: Reconstruction, **described: Any) -> Centerline:
@@ -102,16 +86,22 @@ def to_centerline(result: Reconstruction, **described: Any) -> Centerline:
     return from_polydata(to_polydata(result, **described))
 
 
-def write_vtp(result: Reconstruction, path: str | Path, **described: Any) -> None:
-    """Write a `.vtp`, whole or not at all; `described` as in `to_polydata`.
+def write_vtp(
+    result: Reconstruction,
+    path: str | Path,
+    *,
+    samples: int = 200,
+    spacing: float | None = None,
+    source_uids: Sequence[str] = (),
+) -> None:
+    """Write what `to_polydata` makes of the same as a `.vtp`, whole or not at all.
 
     Raises
     ------
     InputError
         Where the file cannot be written.
     """
-    # Python writes what VTK made: its errors say which of folder, right or room is missing.
-    text = vtp_text(to_polydata(result, **described))
+    text = vtp_text(*_content(result, samples, spacing, source_uids))
     with write_whole(path) as part:
         part.write_text(text, encoding="utf-8")
 
@@ -139,6 +129,30 @@ def write_markups(result: Reconstruction, path: str | Path, *, samples: int = 50
     from .exports import markups
 
     markups.write_markups(to_centerline(result, samples=samples), path, most_points=samples)
+
+
+def _content(
+    result: Reconstruction, samples: int, spacing: float | None, source_uids: Sequence[str]
+) -> tuple[Floats, dict[str, Any], dict[str, Any]]:
+    """Points, point data, and what describes the whole."""
+    backbone, s = _sampled(result, samples, spacing)
+    arrays = _point_arrays(result, backbone, s)
+    points = backbone(s)
+    # A closed curve has no chord to compare with.
+    chord = float(np.linalg.norm(points[-1] - points[0]))
+    described: dict[str, Any] = {
+        "Length": [backbone.length],
+        "Tortuosity": [backbone.length / chord - 1 if chord > 0 else 0.0],
+        "SPACE": ["LPS"],
+        "TimeValue": [result.time],
+        "Frame": [result.index],
+        "ReprojectionError": result.residuals,
+        "Method": [result.method],
+        "Generator": [generator()],
+    }
+    if source_uids:
+        described["SourceSOPInstanceUID"] = list(source_uids)
+    return points, arrays, described
 
 
 def _sampled(result: Reconstruction, count: int, spacing: float | None) -> tuple[Backbone, Floats]:

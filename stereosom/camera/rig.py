@@ -114,9 +114,10 @@ class StereoRig:
             `rig.a` or `rig.b`, whichever the pixels belong to.
         pixels : (n, 2) array
         """
-        forward, up = self._epipolar_axes
-        rays = camera.rays(pixels)
-        return np.arctan2(rays @ up, rays @ forward)
+        forms = np.stack(self._epipolar_axes) @ camera.pixel_to_ray
+        x, y = np.asarray(pixels, dtype=float).T  # an angle asks for no rays of unit length
+        forward, up = (by_x * x + by_y * y + rest for by_x, by_y, rest in forms)
+        return np.asarray(np.arctan2(up, forward))
 
     def epipolar_line(self, camera: Camera, angle: float) -> Floats:
         """Line l, (3,), in a view that shows the epipolar plane at `angle` (rad).

@@ -16,6 +16,7 @@ from stereosom.stereo_som import StereoSomOptions
 from ..acquisition import Acquisition
 from ..centerline import read_vtp
 from ..errors import InputError, require
+from ..geometry_check import GeometryCheck
 from ..output import OutputFolder, Row, centerline_path
 from ..polydata import generator
 from ..run import Sampling, describe_inputs, reconstruct_run
@@ -37,8 +38,6 @@ def reconstruct_and_report(
 
     Where `check_geometry` is set, a warning is printed if the views disagree about the device.
     """
-    from ..geometry_check import GeometryCheck  # scipy.signal: a second that others can do without
-
     for note in acquisition.notes:
         print(f"stereosom: note: {note}", file=sys.stderr)
     frames = _frames(arguments.frames, len(acquisition))
@@ -142,7 +141,8 @@ def _report(folder: OutputFolder, arguments: Arguments) -> None:
     counts = {row["status"]: 0 for row in rows}
     for row in rows:
         counts[row["status"]] += 1
-    say(arguments, f"{len(rows)} frames: " + ", ".join(f"{n} {s}" for s, n in counts.items()))
+    frames = "1 frame" if len(rows) == 1 else f"{len(rows)} frames"
+    say(arguments, f"{frames}: " + ", ".join(f"{n} {s}" for s, n in counts.items()))
     curves = [row for row in rows if row["status"] in ("ok", "predicted")]
     if curves:
         say(

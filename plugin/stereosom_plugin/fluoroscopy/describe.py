@@ -67,13 +67,7 @@ def description_text(description: dict[str, Any]) -> str:
             f"{plane['spacing_mm'][0]:g} mm at the detector, {plane['mm_per_pixel']:.3f} mm at "
             f"the isocenter; {plane['bits']} bits, {plane['intensity'] or 'intensity unknown'}"
             + ("; shuttered" if plane["shuttered"] else ""),
-            f"  {plane['frames']} frames"
-            + (
-                f" in {plane['seconds']:.3f} s, {plane['frames_per_second']:.2f} a second"
-                if plane["frames"] > 1
-                else ""
-            )
-            + (f", from {plane['start']} on" if plane["start"] else ""),
+            f"  {_frames_text(plane)}" + (f", from {plane['start']} on" if plane["start"] else ""),
         ]
     pairs = description["pairs"]
     lines.append(
@@ -90,6 +84,13 @@ def description_text(description: dict[str, Any]) -> str:
     notes = description["notes"]
     lines += ["assumed:", *(f"  - {note}" for note in notes)] if notes else ["nothing assumed"]
     return "\n".join(lines)
+
+
+def _frames_text(plane: dict[str, Any]) -> str:
+    text = "1 frame" if plane["frames"] == 1 else f"{plane['frames']} frames"
+    if (rate := plane["frames_per_second"]) is None:
+        return text
+    return f"{text} in {plane['seconds']:.3f} s, {rate:.2f} a second"
 
 
 def angles_text(axes: Floats) -> str:

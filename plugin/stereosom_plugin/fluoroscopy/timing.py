@@ -77,7 +77,8 @@ def read_times(headers: Sequence[Header]) -> tuple[FrameTimes, list[str]]:
     pointed = [pointed] if isinstance(pointed, int) else list(pointed or ())
     vector = header.numbers("FrameTimeVector")
     step = header.number("FrameTime")
-    if vector and (0x00181065 in pointed or step is None):
+    zero = len(vector) > 1 and not any(vector[1:])
+    if vector and not zero and (0x00181065 in pointed or step is None):
         if len(vector) != frames or min(vector) < 0 or sum(vector) > 1e8:
             raise header.refuse(
                 f"{label('FrameTimeVector')} holds {len(vector)} steps for {frames} frames, "
@@ -91,7 +92,10 @@ def read_times(headers: Sequence[Header]) -> tuple[FrameTimes, list[str]]:
     if (found := _rate(header)) is not None:
         rate, keyword = found
         said = "absent" if step is None else f"{step:g} ms"
-        note = f"{label('FrameTime')} is {said}; times follow from {label(keyword)}"
+        lacking = (
+            f"{label('FrameTimeVector')} is all zero" if zero else f"{label('FrameTime')} is {said}"
+        )
+        note = f"{lacking}; times follow from {label(keyword)}"
         return FrameTimes(np.arange(frames) / rate, start), [note]
     raise header.missing("FrameTime", "FrameTimeVector")
 

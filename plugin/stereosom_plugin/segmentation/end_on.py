@@ -29,8 +29,8 @@ BACK, BEGUN = 4.0, 8.0
 FOLD = 5.5
 # Points along the tail, ends that are tried at first, and how many of those are followed up.
 STEPS, STARTS, FOLLOWED = 20, 11, 2
-# How the depth is kept smooth, and how well the absorption is known: per deviation.
-STIFF, SURE = np.array([0.16, 0.04, 0.16]), 20.0
+# How smooth the depth is known to be, and how well the absorption is: per deviation.
+KNOWN = np.array([0.16, 0.04, 0.16, 20.0])
 # Deviations of the noise beyond which a pixel counts no more.
 MOST_OFF = 6.0
 # A fit that was begun at the last frame's is believed up to this many times its misfit; all
@@ -298,9 +298,8 @@ class _Tail:
         )
         tail = Axis(line, way / self.window.factor)
         light = picture(tail, self.along.tube.absorption * float(np.exp(bend[3])))
-        off = (light - self.seen) / self.window.noise
-        off = np.minimum(np.maximum(off, -MOST_OFF), MOST_OFF)  # takes half as long as a clip
-        return np.concatenate([off, STIFF * bend[:3], [SURE * bend[3]]])
+        off = loops().deviations(light, self.seen, self.window.noise, MOST_OFF, KNOWN * bend)
+        return np.asarray(off)
 
     def cost(self, bend: Floats, picture: EndPicture) -> float:
         return float(np.sum(self.misfit(bend, picture) ** 2))

@@ -168,8 +168,8 @@ class Covering:
     def __call__(self, tail: Axis, absorption: float) -> Floats:
         """As in `EndPicture`."""
         pace = max(float(tail.way[-1] - tail.way[-2]), 1e-6)
-        share = loops().shadow(self.pixels, tail.points, self.radius, pace, True, self.face)
-        share = np.maximum(self.body, share)
-        light = np.ones(self.window.root.size)
-        light[self.window.places] = np.exp(-absorption * share)
-        return self.window.root_of(light.reshape(self.window.root.shape), self.weights)
+        root = loops().covered(
+            self.pixels, self.body, tail.points, self.radius, pace, self.face, absorption,
+            self.weights, self.window.root.shape,
+        )  # fmt: skip
+        return np.asarray(root)

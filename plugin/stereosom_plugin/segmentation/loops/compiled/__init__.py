@@ -1,7 +1,17 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
 from .edges import fill, half_way, weighted
-from .ends import damped_step, discs, even, learn_slopes, shadow, smooth, tail
+from .ends import (
+    covered,
+    damped_step,
+    deviations,
+    discs,
+    even,
+    learn_slopes,
+    shadow,
+    smooth,
+    tail,
+)
 from .lines import absorbed, best_way, blurred, evenly, light_across, medians, normals
 from .pictures import darker_lines, draw_line
 from .profiles import fitted_profile, tube_profile
@@ -10,8 +20,10 @@ __all__ = [
     "absorbed",
     "best_way",
     "blurred",
+    "covered",
     "damped_step",
     "darker_lines",
+    "deviations",
     "discs",
     "draw_line",
     "even",

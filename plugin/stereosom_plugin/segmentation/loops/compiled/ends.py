@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import floor, sqrt
+from math import exp, floor, sqrt
 
 import numpy as np
 
@@ -142,6 +142,32 @@ def discs(centers, step, across, along, shape):  # type: ignore[no-untyped-def]
                         part = (right if over else 1 - right) * (below if down else 1 - below)
                         heap[y_at, x_at] += part
     return heap
+
+
+@compiled
+def covered(  # type: ignore[no-untyped-def]
+    pixels, body, line, radius, pace, face, absorption, weights, shape
+):
+    """As `reference.covered`."""
+    share = shadow(pixels, line, radius, pace, True, face)
+    light, root = np.ones(shape), np.empty(len(pixels))
+    for i in range(len(pixels)):
+        light[int(pixels[i, 1]), int(pixels[i, 0])] = exp(-absorption * max(body[i], share[i]))
+    light = smooth(light, weights)
+    for i in range(len(pixels)):
+        root[i] = sqrt(light[int(pixels[i, 1]), int(pixels[i, 0])])
+    return root
+
+
+@compiled
+def deviations(light, seen, noise, most, more):  # type: ignore[no-untyped-def]
+    """As `reference.deviations`."""
+    n = len(light)
+    off = np.empty(n + len(more))
+    for i in range(n):
+        off[i] = min(max((light[i] - seen[i]) / noise, -most), most)
+    off[n:] = more
+    return off
 
 
 @compiled

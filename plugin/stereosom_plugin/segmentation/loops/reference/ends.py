@@ -67,6 +67,46 @@ def shadow(
     return np.asarray(share)
 
 
+def covered(
+    pixels: Floats,
+    body: Floats,
+    line: Floats,
+    radius: float,
+    pace: float,
+    face: bool,
+    absorption: float,
+    weights: Floats,
+    shape: tuple[int, int],
+) -> Floats:
+    """Root of the light, (n,), that a body and a tail to its end leave at n pixels.
+
+    Parameters
+    ----------
+    pixels : (n, 2) array
+        Whole numbers.
+    body : (n,) array
+        Chord through it at each of them, as a share of its diameter.
+    line, radius, pace, face
+        The tail, as of `shadow`.
+    absorption : float
+        Of a whole diameter, natural logarithm.
+    weights : (2 k + 1,) array
+        Of the blur.
+    shape : (rows, columns)
+        Of the window.
+    """
+    share = np.maximum(body, shadow(pixels, line, radius, pace, True, face))
+    column, row = pixels.T.astype(int)
+    light = np.ones(shape)
+    light[row, column] = np.exp(-absorption * share)
+    return np.asarray(np.sqrt(smooth(light, weights)[row, column]))
+
+
+def deviations(light: Floats, seen: Floats, noise: float, most: float, more: Floats) -> Floats:
+    """How far light (n,) is off what was seen (n,), per noise and at most so far; and some more."""
+    return np.concatenate([np.clip((light - seen) / noise, -most, most), more])
+
+
 def tail(
     bend: Floats, depth: Floats, unit: float, center: Floats, rays: Floats, projection: Floats
 ) -> tuple[Floats, Floats]:
