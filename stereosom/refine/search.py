@@ -141,7 +141,7 @@ class TubeSearch:
             return fit, tried
         odd = fit.odd_ends
         other: TubeFit | None
-        if not fit.ends_seen:
+        if not fit.ends_seen and not _misses(fit):  # near, but for an end
             with suppress(HardFrame):
                 other = self._fit(fit.tube.curve, radius, FROM_NEAR, capped=capped)
                 fit = min(fit, other, key=_cost)
