@@ -71,14 +71,10 @@ class Observation:
         )
         object.__setattr__(self, "field_of_view", checked)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """What is pickled: the pixels as runs, a hundredth of the bytes where masks are large."""
-        pixels = {name: _runs(getattr(self, name)) for name in _PIXELS}
-        return {**self.__dict__, **pixels}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        pixels = {name: _out_of_runs(*state[name]) for name in _PIXELS}
-        self.__dict__.update({**state, **pixels})
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How it is pickled: its pixels as runs, a hundredth of the bytes of large masks."""
+        runs = {name: _runs(getattr(self, name)) for name in _PIXELS}
+        return _pickled, ({**self.__dict__, **runs},)
 
     @classmethod
     def from_masks(cls, mask_a: Any, mask_b: Any, rig: StereoRig, **described: Any) -> Observation:
@@ -172,6 +168,14 @@ def picture_border(camera: Camera) -> Floats:
     width, height = camera.image_size
     right, bottom = width - 0.5, height - 0.5
     return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
+
+
+def _pickled(state: dict[str, Any]) -> Observation:
+    """The observation once more: what was checked need not be checked again."""
+    observation = object.__new__(Observation)
+    pixels = {name: _out_of_runs(*state[name]) for name in _PIXELS}
+    observation.__dict__.update({**state, **pixels})
+    return observation
 
 
 def _runs(pixels: Floats) -> tuple[Floats, Integers]:
