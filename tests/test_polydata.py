@@ -17,6 +17,8 @@ from stereosom.synthetic import arc
 from stereosom_plugin import polydata
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.files import sweep, write_whole
+from stereosom_plugin.vtp_decoder import content_of
+from stereosom_plugin.vtp_text import vtp_text
 
 COVARIANCE = np.array([[0.04, 0.01, 0.02], [0.01, 0.09, 0.03], [0.02, 0.03, 0.16]])
 POINT_ARRAYS = {
@@ -128,6 +130,35 @@ def test_field_data(written):
     assert values(field, "TimeValue") == pytest.approx([0.2])
     assert values(field, "Frame") == pytest.approx([3])
     assert values(field, "ReprojectionError") == pytest.approx([0.5, 0.7])
+
+
+def test_vtk_reads_what_it_would_have_made_itself(tmp_path):
+    """The text of a file is put together without VTK."""
+    result, described = quarter_circle(), {"samples": 31, "source_uids": ("1.2.3", "1.2.4")}
+    polydata.write_vtp(result, tmp_path / "c.vtp", **described)
+    made = content_of(polydata.to_polydata(result, **described))
+    read = content_of(vtk_read(tmp_path / "c.vtp"))
+    assert (read.cells, read.lines, read.turning) == (made.cells, made.lines, made.turning)
+    for name in ("points", "connectivity", "offsets"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(made, name))
+    for name in ("point_data", "described"):
+        there, wanted = getattr(read, name), getattr(made, name)
+        assert list(there) == list(wanted)
+        for key, values in wanted.items():
+            np.testing.assert_array_equal(there[key], values)
+            assert type(there[key]) is type(values)
+    assert vtk_read(tmp_path / "c.vtp").GetPointData().GetScalars().GetName() == "Abscissas"
+
+
+def test_names_and_words_of_others_are_kept(tmp_path):
+    """Quotes, other letters, nothing at all: a sequence holds what a foreign file held."""
+    field = {'a "b" <c>': np.ones((2, 3)), "words": ("ä", "", "&"), "none": ()}
+    text = vtp_text(np.eye(3), {"1 & 2": np.arange(3.0)}, field)
+    (tmp_path / "c.vtp").write_text(text, encoding="utf-8")
+    read = content_of(vtk_read(tmp_path / "c.vtp"))
+    assert read.point_data["1 & 2"].tolist() == [0, 1, 2]
+    assert read.described['a "b" <c>'].shape == (2, 3)
+    assert (read.described["words"], read.described["none"]) == (("ä", "", "&"), ())
 
 
 def test_unknown_radius_is_not_written_and_poor_depth_is_told(tmp_path):

@@ -21,7 +21,8 @@ from stereosom.reconstruction import Reconstruction
 from .centerline import Centerline, from_polydata, read_vtp
 from .files import write_whole
 from .version import generator
-from .vtp_writer import make_polydata, vtp_text
+from .vtp_text import vtp_text
+from .vtp_writer import make_polydata
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -77,6 +78,16 @@ def to_polydata(
     ValueError
         Where the result has no backbone, or fewer than two points are asked for.
     """
+    return make_polydata(*_content(result, samples, spacing, source_uids))
+
+
+def _content(
+    result: Reconstruction,
+    samples: int = 200,
+    spacing: float | None = None,
+    source_uids: Sequence[str] = (),
+) -> tuple[Floats, dict[str, Any], dict[str, Any]]:
+    """Points, point data, and cell and field data of a result."""
     backbone, s = _sampled(result, samples, spacing)
     arrays = _point_arrays(result, backbone, s)
     points = backbone(s)
@@ -94,7 +105,7 @@ def to_polydata(
     }
     if source_uids:
         described["SourceSOPInstanceUID"] = list(source_uids)
-    return make_polydata(points, arrays, described)
+    return points, arrays, described
 
 
 def to_centerline(result: Reconstruction, **described: Any) -> Centerline:
@@ -110,8 +121,7 @@ def write_vtp(result: Reconstruction, path: str | Path, **described: Any) -> Non
     InputError
         Where the file cannot be written.
     """
-    # Python writes what VTK made: its errors say which of folder, right or room is missing.
-    text = vtp_text(to_polydata(result, **described))
+    text = vtp_text(*_content(result, **described))
     with write_whole(path) as part:
         part.write_text(text, encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""One polyline with its arrays as `vtkPolyData`, and that as the text of a `.vtp`."""
+"""One polyline with its arrays as `vtkPolyData`."""
 
 from __future__ import annotations
 
@@ -9,19 +9,15 @@ import numpy as np
 
 from stereosom.arrays import Floats
 
-from .centerline import Centerline
 from .errors import require
-from .vtp_decoder import vtk_messages
+from .vtp_text import ACTIVE, OF_CELLS, is_text
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 vtk_core = require("vtkmodules.vtkCommonCore", "vtk")
 vtk_data = require("vtkmodules.vtkCommonDataModel", "vtk")
-vtk_xml = require("vtkmodules.vtkIOXML", "vtk")
 numpy_support = require("vtkmodules.util.numpy_support", "vtk")
-
-_OF_CELLS = ("Length", "Tortuosity")
 
 
 def make_polydata(
@@ -47,34 +43,12 @@ def make_polydata(
     to = polydata.GetPointData()
     for name, values in point_data.items():
         to.AddArray(_array(name, values))
-    to.SetActiveScalars("Abscissas")
-    to.SetActiveVectors("FrenetTangent")
-    to.SetActiveNormals("ParallelTransportNormals")
+    for role, name in ACTIVE.items():
+        getattr(to, f"SetActive{role}")(name)
     for name, values in described.items():
-        data = polydata.GetCellData() if name in _OF_CELLS else polydata.GetFieldData()
-        is_text = isinstance(values, (list, tuple)) and all(isinstance(v, str) for v in values)
-        data.AddArray(_strings(name, values) if is_text else _array(name, values))
+        data = polydata.GetCellData() if name in OF_CELLS else polydata.GetFieldData()
+        data.AddArray(_strings(name, values) if is_text(values) else _array(name, values))
     return polydata
-
-
-def polydata_of(line: Centerline) -> vtkPolyData:
-    """Make a polyline of what was read from a file; its space is LPS."""
-    described = {**line.field, "SPACE": ("LPS",), "TimeValue": [line.time], "Frame": [line.frame]}
-    return make_polydata(line.points, line.arrays, described)
-
-
-def vtp_text(polydata: vtkPolyData) -> str:
-    """Polydata as the text of a `.vtp`."""
-    writer = vtk_xml.vtkXMLPolyDataWriter()
-    writer.SetInputData(polydata)
-    writer.WriteToOutputStringOn()
-    # Compressed, numbers that all differ are a sixth shorter, and take twice as long.
-    writer.SetCompressorTypeToNone()
-    with vtk_messages() as messages:
-        writer.Write()
-    if messages:
-        raise RuntimeError(f"VTK could not make a .vtp: {messages[0]}")
-    return str(writer.GetOutputString())
 
 
 def _array(name: str, values: Any) -> Any:

@@ -19,7 +19,7 @@ from xml.sax.saxutils import quoteattr
 from ..centerline import Centerline
 from ..errors import InputError
 from ..files import sweep, write_whole
-from ..vtp_writer import polydata_of, vtp_text
+from ..vtp_text import text_of
 
 # No clock: the same centerlines give the same bytes.
 _STAMP = (1980, 1, 1, 0, 0, 0)
@@ -49,7 +49,7 @@ def write_sequence(lines: Sequence[Centerline], path: str | Path) -> None:
 
         add(f"{folder.removesuffix('.seq')}.mrml", _scene(lines, "Data"))
         for number, line in enumerate(lines):
-            add(f"Data/{_file_name(number)}", vtp_text(polydata_of(line)))
+            add(f"Data/{_file_name(number)}", text_of(line))
 
 
 def _write_scene_and_data(lines: Sequence[Centerline], path: Path) -> None:
@@ -71,7 +71,7 @@ def _write_scene_and_data(lines: Sequence[Centerline], path: Path) -> None:
     try:
         for number, line in enumerate(lines):
             with write_whole(data / _file_name(number)) as part:
-                part.write_text(vtp_text(polydata_of(line)), encoding="utf-8")
+                part.write_text(text_of(line), encoding="utf-8")
         with write_whole(path) as part:
             part.write_text(_scene(lines, data.name), encoding="utf-8")
     except InputError:  # the disk is full: what nothing names is not left behind
