@@ -12,7 +12,16 @@ from stereosom.arrays import Floats
 
 from ..loops import loops
 from ..picture import Mask
-from .straight import LEAST_LIKE, ROW, Evidence, Strip, sample, smooth, straighten, weighted
+from .straight import (
+    LEAST_LIKE,
+    ROW,
+    Evidence,
+    Strip,
+    sample,
+    smooth,
+    straighten,
+    weighted,
+)
 from .tips import Tip, find_tip
 
 # All of these in widths of the device.
@@ -149,7 +158,7 @@ def _half_way(picture: Any, strip: Strip, width: float, start: int, stop: int) -
             found.append(end)
             continue
         place = middle[rows][:, None] + across * normal[rows][:, None]
-        color = sample(picture, place[..., 0], place[..., 1]).astype(float).mean(axis=1)
+        color = sample(picture, place[..., 0], place[..., 1]).mean(axis=1)
         inner, outer = color[: reach // 2].mean(axis=0), color[-(reach // 2) :].mean(axis=0)
         way = outer - inner
         share = np.clip((color - inner) @ way / max(float(way @ way), 1e-6), 0, 1)
@@ -163,17 +172,11 @@ def _rough_edges(like: Floats, offset: Floats, center: Floats, width: float) -> 
     Outwards from the middle, the evidence sums up to its most there.
     """
     step = offset[1] - offset[0]
-    smooth = ndimage.uniform_filter1d(like, 5, axis=0)
-    found = []
-    far = np.arange(1, int(np.ceil(0.9 * width / step)) + 1)
     first = np.rint((center - offset[0]) / step).astype(int)
-    for side in (-1, 1):
-        column = np.clip(first[:, None] + side * far, 0, like.shape[1] - 1)
-        total = np.cumsum(np.take_along_axis(smooth, column, axis=1), axis=1)
-        at = far[total.argmax(axis=1)] * step + step / 2
-        at = ndimage.median_filter(at, size=2 * round(_SMOOTH / ROW / 2) + 1, mode="nearest")
-        found.append(center + side * at)
-    return np.stack(found)
+    columns = loops().most_gain(like, first, int(np.ceil(0.9 * width / step)))
+    size = 2 * round(_SMOOTH / ROW / 2) + 1
+    left, right = (loops().middles((each + 0.5) * step, size) for each in columns)
+    return np.stack([center - left, center + right])
 
 
 def _fine_edges(
@@ -184,7 +187,7 @@ def _fine_edges(
     across, side = np.linspace(-reach, reach, 21), np.array([[-1.0], [1.0]])
     away = rough[..., None] + side[..., None] * across
     x, y = (line[:, i, None] + away * normal[:, i, None] for i in (0, 1))
-    profiles = (sample(picture, *edge) for edge in zip(x, y, strict=True))
+    profiles = (loops().sampled(picture, *edge) for edge in zip(x, y, strict=True))
     found = [loops().half_way(profile, across[1] - across[0]) for profile in profiles]
     shift, contrast = np.moveaxis(np.array(found), 1, 0)
     sure = weight * np.minimum(contrast / 25, 1) ** 2 + 1e-6

@@ -1,8 +1,9 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
-from .edges import fill, half_way, weighted
+from .colors import likeness, sampled
+from .edges import fill, half_way, held, most_gain, weighted
 from .ends import damped_step, discs, even, learn_slopes, shadow, smooth, tail
-from .lines import absorbed, best_way, blurred, evenly, light_across, medians, normals
+from .lines import absorbed, best_way, blurred, evenly, light_across, medians, middles, normals
 from .pictures import darker_lines, draw_line
 from .profiles import fitted_profile, tube_profile
 
@@ -19,10 +20,15 @@ __all__ = [
     "fill",
     "fitted_profile",
     "half_way",
+    "held",
     "learn_slopes",
     "light_across",
+    "likeness",
     "medians",
+    "middles",
+    "most_gain",
     "normals",
+    "sampled",
     "shadow",
     "smooth",
     "tail",

@@ -16,25 +16,47 @@ def weighted(values, weights, bell, more):  # type: ignore[no-untyped-def]
     n, m = values.shape
     reach = len(bell) // 2
     margin, wide = min(reach + 1, n - 1), weights.shape[1]
-    mean, total = np.empty((n, m)), np.empty(2 * m)
-    for i in range(n):
-        total[:] = 0
-        for k in range(-reach, reach + 1):
-            at = _mirrored(i + k + margin, n + 2 * margin) - margin
-            for j in range(m):
-                if at < 0:
-                    value = 2 * values[0, j] - values[-at, j]
-                    weight = weights[-at, min(j, wide - 1)]
-                elif at >= n:
-                    value = 2 * values[n - 1, j] - values[2 * n - 2 - at, j]
-                    weight = weights[2 * n - 2 - at, min(j, wide - 1)]
-                else:
-                    value, weight = values[at, j], weights[at, min(j, wide - 1)]
-                total[j] += bell[k + reach] * value * weight
-                total[m + j] += bell[k + reach] * weight
-        for j in range(m):
-            mean[i, j] = total[j] / (total[m + j] + more)
+    mean = np.empty((n, m))
+    product, weight = np.empty(n + 2 * reach), np.empty(n + 2 * reach)
+    total, share = np.empty(n), np.empty(n)
+    for j in range(m):
+        for i in range(n + 2 * reach):
+            at = _mirrored(i - reach + margin, n + 2 * margin) - margin
+            inner = -at if at < 0 else 2 * n - 2 - at if at >= n else at
+            value = values[inner, j]
+            if inner != at:
+                value = 2 * values[0 if at < 0 else n - 1, j] - value
+            weight[i] = weights[inner, min(j, wide - 1)]
+            product[i] = value * weight[i]
+        total[:], share[:] = 0, more
+        for k in range(len(bell)):
+            for i in range(n):  # several at once
+                total[i] += bell[k] * product[i + k]
+                share[i] += bell[k] * weight[i + k]
+        for i in range(n):
+            mean[i, j] = total[i] / share[i]
     return mean
+
+
+@compiled
+def most_gain(gain, first, reach):  # type: ignore[no-untyped-def]
+    """As `reference.most_gain`."""
+    n, m = gain.shape
+    found, smooth = np.empty((2, n), np.intp), np.empty(m)
+    for i in range(n):
+        smooth[:] = 0
+        for k in range(-2, 3):
+            at = _mirrored(i + k, n)
+            for j in range(m):
+                smooth[j] += gain[at, j]
+        for number in range(2):
+            most, total = -np.inf, 0.0
+            for away in range(1, reach + 1):
+                column = first[i] + (2 * number - 1) * away
+                total += smooth[min(max(column, 0), m - 1)]
+                if total > most:
+                    most, found[number, i] = total, away
+    return found
 
 
 @compiled
@@ -42,14 +64,14 @@ def half_way(profile, step):  # type: ignore[no-untyped-def]
     """As `reference.half_way`."""
     n, wide, channels = profile.shape
     shift, far = np.empty(n), np.empty(n)
-    mean, way, inner = np.empty((wide, channels)), np.empty(channels), np.empty(channels)
+    rows, total = profile.reshape((n, wide * channels)), np.empty(wide * channels, profile.dtype)
+    mean, way, inner = total.reshape((wide, channels)), np.empty(channels), np.empty(channels)
     for i in range(n):
-        mean[:] = 0
+        total[:] = 0
         for k in range(-2, 3):
-            at = _mirrored(i + k, n)
-            for j in range(wide):
-                for c in range(channels):
-                    mean[j, c] += profile[at, j, c]
+            row = rows[_mirrored(i + k, n)]
+            for j in range(len(total)):  # several at once
+                total[j] += row[j]
         square = 0.0
         for c in range(channels):
             within, outer = 0.0, 0.0
@@ -66,6 +88,22 @@ def half_way(profile, step):  # type: ignore[no-untyped-def]
             taken += min(max(share / least, 0.0), 1.0)
         shift[i], far[i] = (10.5 - taken) * step, sqrt(square) / 5
     return shift, far
+
+
+@compiled
+def held(total, ends, reaches, short, begin, step):  # type: ignore[no-untyped-def]
+    """As `reference.held`."""
+    n, m = total.shape
+    before = np.zeros((len(ends), len(reaches)))
+    for i in range(len(ends)):
+        for kind in range(len(reaches)):
+            for j in range(m):
+                place = (ends[i] - reaches[kind] * short[j] - begin) / step
+                place = min(max(place, 0.0), n - 1.0)
+                row = min(int(place), n - 2)
+                share = place - row
+                before[i, kind] += (1 - share) * total[row, j] + share * total[row + 1, j]
+    return before
 
 
 @compiled
