@@ -251,6 +251,16 @@ def test_how_like_colors_are(channels):
     same("likeness", np.full_like(picture, 255), x + 0.4, y - 20, table, shades)
 
 
+@pytest.mark.parametrize("channels", [1, 3])
+def test_how_often_colors_are(channels):
+    picture = rng.uniform(-0.1, 1.1, (20, 30, channels)).astype(np.float32)
+    sample = rng.random((20, 30)) < 0.2
+    (number,) = same("shades", picture, 6)
+    counts = same("counted", picture, sample, 6)[0]
+    assert counts.sum(axis=1).tolist() == [sample.sum(), (~sample).sum()]
+    assert counts[0, number[sample][0]] == np.sum(number[sample] == number[sample][0])
+
+
 @pytest.mark.parametrize("size", [1, 5, 7])
 def test_medians_along(size):
     same("middles", rng.integers(0, 5, 40).astype(float), size)

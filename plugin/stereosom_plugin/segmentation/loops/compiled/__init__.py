@@ -1,6 +1,6 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
-from .colors import likeness, sampled
+from .colors import counted, likeness, sampled, shades
 from .edges import fill, half_way, held, most_gain, weighted
 from .ends import damped_step, discs, even, learn_slopes, shadow, smooth, tail
 from .lines import absorbed, best_way, blurred, evenly, light_across, medians, middles, normals
@@ -11,6 +11,7 @@ __all__ = [
     "absorbed",
     "best_way",
     "blurred",
+    "counted",
     "damped_step",
     "darker_lines",
     "discs",
@@ -29,6 +30,7 @@ __all__ = [
     "most_gain",
     "normals",
     "sampled",
+    "shades",
     "shadow",
     "smooth",
     "tail",

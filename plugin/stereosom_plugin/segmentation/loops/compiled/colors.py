@@ -41,6 +41,37 @@ def likeness(picture, x, y, table, shades):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def shades(picture, count):  # type: ignore[no-untyped-def]
+    """As `reference.shades`."""
+    rows, columns, _ = picture.shape
+    number = np.empty((rows, columns), np.intp)
+    for i in range(rows):
+        for j in range(columns):
+            number[i, j] = _shade(picture[i, j], count)
+    return number
+
+
+@compiled
+def counted(picture, sample, count):  # type: ignore[no-untyped-def]
+    """As `reference.counted`."""
+    rows, columns, channels = picture.shape
+    found = np.zeros((2, count**channels), np.intp)
+    for i in range(rows):
+        for j in range(columns):
+            found[0 if sample[i, j] else 1, _shade(picture[i, j], count)] += 1
+    return found
+
+
+@compiled
+def _shade(color, count):  # type: ignore[no-untyped-def]
+    number = 0
+    for channel in range(len(color)):
+        level = int(min(max(color[channel] * np.float32(count), 0.0), count - 1.0))
+        number = number * count + level
+    return number
+
+
+@compiled
 def _about(x, y, size, channels):  # type: ignore[no-untyped-def]
     """Where the pixel before a place begins, how far its neighbors are, and the shares of those."""
     rows, columns = size

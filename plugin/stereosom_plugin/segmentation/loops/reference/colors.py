@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stereosom.arrays import Floats
+from stereosom.arrays import Booleans, Floats, Integers
 
 Light = npt.NDArray[np.float32]
 
@@ -55,3 +55,25 @@ def likeness(picture: Any, x: Floats, y: Floats, table: Light, shades: int) -> L
     for channel in range(picture.shape[2]):
         number = number * shades + np.minimum(levels[..., channel], shades - 1)
     return table[number]
+
+
+def shades(picture: Light, count: int) -> Integers:
+    """Number of each pixel's color, (rows, columns), where so many of each color are told apart.
+
+    Parameters
+    ----------
+    picture : (rows, columns, channels) array
+        Light, 0 to 1.
+    count : int
+    """
+    level = np.clip(picture * np.float32(count), 0, count - 1).astype(np.intp)
+    number = level[..., 0]
+    for channel in range(1, picture.shape[-1]):
+        number = number * count + level[..., channel]
+    return np.asarray(number)
+
+
+def counted(picture: Light, sample: Booleans, count: int) -> Integers:
+    """How often each color is in a sample of a picture, and elsewhere, (2, count ** channels)."""
+    number, most = shades(picture, count), count ** picture.shape[2]
+    return np.stack([np.bincount(number[part], minlength=most) for part in (sample, ~sample)])
