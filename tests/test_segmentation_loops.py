@@ -216,12 +216,25 @@ def test_a_mean_neither_shortens_nor_turns_a_straight_line():
 @pytest.mark.parametrize("channels", [1, 3])
 def test_where_colors_have_gone_half_the_way(channels):
     profile = rng.integers(0, 255, (40, 21, channels)).astype(np.float32)
-    same("half_way", profile, 0.3, within=1e-4)
+    same("half_way", profile, 0.3, 0.01, within=1e-4)
     profile[:] = 90
     profile[:, 13:] = 190  # between the places 12 and 13, at the middle of which it is 10
-    shift, far = same("half_way", profile, 0.3, within=1e-4)
+    shift, far, by_hue = same("half_way", profile, 0.3, 0.01, within=1e-4)
     assert shift[10] == pytest.approx(0.3 * 2.5)
     assert far[10] == pytest.approx(100 * np.sqrt(channels))
+    assert not by_hue  # it is brighter, no more
+
+
+def test_shades_of_a_round_body_do_not_move_its_edge_where_hue_tells_it():
+    """The nearer its edge the darker it is, here more, there less; what is behind is red."""
+    depth, least = np.arange(11)[::-1], np.linspace(0.3, 0.9, 40)[:, None]
+    profile = np.zeros((40, 21, 3), dtype=np.float32)
+    profile[:, :11] = 160 * (least + (1 - least) * np.sqrt(depth / 10))[..., None]
+    profile[:, 11:] = 120, 40, 40
+    by_all, by_hue = (same("half_way", profile, 0.3, least, within=1e-4) for least in (9, 0.05))
+    assert (by_all[2], by_hue[2]) == (False, True)
+    assert np.ptp(by_all[0]) > 0.15
+    assert by_hue[0] == pytest.approx(0.15, abs=0.02)
 
 
 @pytest.mark.parametrize("channels", [1, 3])

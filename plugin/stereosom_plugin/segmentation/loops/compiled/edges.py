@@ -60,34 +60,46 @@ def most_gain(gain, first, reach):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def half_way(profile, step):  # type: ignore[no-untyped-def]
+def half_way(profile, step, least_hue):  # type: ignore[no-untyped-def]
     """As `reference.half_way`."""
     n, wide, channels = profile.shape
-    shift, far = np.empty(n), np.empty(n)
-    rows, total = profile.reshape((n, wide * channels)), np.empty(wide * channels, profile.dtype)
-    mean, way, inner = total.reshape((wide, channels)), np.empty(channels), np.empty(channels)
+    rows = profile.reshape((n, wide * channels))
+    total = np.zeros((n, wide * channels), profile.dtype)
+    inner, way, hue = np.empty((n, channels)), np.empty((n, channels)), np.empty((n, channels))
+    shift, far = np.empty(n), np.zeros(n)
+    of_hue = 0.0
     for i in range(n):
-        total[:] = 0
         for k in range(-2, 3):
-            row = rows[_mirrored(i + k, n)]
-            for j in range(len(total)):  # several at once
-                total[j] += row[j]
-        square = 0.0
+            row, into = rows[_mirrored(i + k, n)], total[i]
+            for j in range(len(row)):  # several at once
+                into[j] += row[j]
+        along, brightness = 0.0, 0.0
         for c in range(channels):
             within, outer = 0.0, 0.0
             for j in range(6):
-                within += mean[1 + j, c]
-                outer += mean[14 + j, c]
-            inner[c], way[c] = within / 6, (outer - within) / 6
-            square += way[c] ** 2
-        taken, least = 0.0, max(square, 25e-6)
+                within += total[i, (1 + j) * channels + c]
+                outer += total[i, (14 + j) * channels + c]
+            inner[i, c], way[i, c] = within / 6, (outer - within) / 6
+            along += way[i, c] * inner[i, c]
+            brightness += inner[i, c] ** 2
+        for c in range(channels):
+            hue[i, c] = way[i, c] - along / max(brightness, 25e-6) * inner[i, c]
+            far[i] += way[i, c] ** 2
+            of_hue += hue[i, c] ** 2
+    by_hue = of_hue > least_hue * far.sum()
+    if by_hue:
+        way = hue
+    for i in range(n):
+        square, taken = 0.0, 0.0
+        for c in range(channels):
+            square += way[i, c] ** 2
         for j in range(wide):
             share = 0.0
             for c in range(channels):
-                share += (mean[j, c] - inner[c]) * way[c]
-            taken += min(max(share / least, 0.0), 1.0)
-        shift[i], far[i] = (10.5 - taken) * step, sqrt(square) / 5
-    return shift, far
+                share += (total[i, j * channels + c] - inner[i, c]) * way[i, c]
+            taken += min(max(share / max(square, 25e-6), 0.0), 1.0)
+        shift[i], far[i] = (10.5 - taken) * step, sqrt(far[i]) / 5
+    return shift, far, by_hue
 
 
 @compiled

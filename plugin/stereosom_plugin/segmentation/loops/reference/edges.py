@@ -54,26 +54,42 @@ def most_gain(gain: Any, first: Integers, reach: int) -> Integers:
     return np.stack(found)
 
 
-def half_way(profile: Any, step: float) -> tuple[Floats, Floats]:
+def half_way(profile: Any, step: float, least_hue: float) -> tuple[Floats, Floats, bool]:
     """Where colors have gone half the way from inside to outside, (n,) px, and how far they go.
 
     The area under the rise tells it: less noisy than where it crosses. Five rows are taken
-    together.
+    together. A round body darkens towards its edges, and less where it is lit from there: where
+    what is behind has another hue, only the way across the body's own color is looked at, in
+    which its shades are all alike.
 
     Parameters
     ----------
     profile : (n, 21, channels) array of float32
         Colors across an edge, from inside to outside, at a step of so many px.
     step : float
+    least_hue : float
+        Share of the squared way that is one of hue, where it is looked at.
+
+    Returns
+    -------
+    shift, far : (n,) array
+    hue : bool
+        Whether it was.
     """
-    mean = ndimage.uniform_filter1d(profile.astype(np.float32), 5, axis=0)
+    mean = ndimage.uniform_filter1d(profile, 5, axis=0)
     inner, outer = mean[:, 1:7].mean(axis=1), mean[:, 14:20].mean(axis=1)
     way = outer - inner
+    brightness = (inner**2).sum(axis=1, keepdims=True)
+    far = np.sqrt((way**2).sum(axis=1))
+    hue = way - (way * inner).sum(axis=1, keepdims=True) / np.maximum(brightness, 1e-6) * inner
+    of_hue = bool((hue**2).sum() > least_hue * (way**2).sum())
+    if of_hue:
+        way = hue
     square = (way**2).sum(axis=1)
     share = np.einsum("rck,rk->rc", mean - inner[:, None], way)
     share /= np.maximum(square, 1e-6)[:, None]
     shift = (10.5 - np.clip(share, 0, 1).sum(axis=1)) * step
-    return shift.astype(float), np.sqrt(square).astype(float)
+    return shift.astype(float), far.astype(float), of_hue
 
 
 def held(
