@@ -87,6 +87,11 @@ def test_both_eyes_see_the_tip_at_the_same_place_of_the_device():
     assert np.std(apart) < 0.5
 
 
+def test_its_thickness_is_that_of_the_device(few):
+    """Masks that were wider by a hundredth would be nearer by one, where width alone tells depth."""
+    assert np.mean([result.radius for result in few]) == pytest.approx(1.0, abs=0.01)
+
+
 def test_a_tip_is_where_it_is_and_no_less_sure_than_that():
     """Seen nearly end-on, a round tip can be taken for a bend along the line of sight."""
     for result in tracked(range(10, 14)):
