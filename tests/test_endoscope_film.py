@@ -88,7 +88,7 @@ def test_both_eyes_see_the_tip_at_the_same_place_of_the_device():
 
 
 def test_its_thickness_is_that_of_the_device(few):
-    """Masks that were wider by a hundredth would be nearer by one, where width alone tells depth."""
+    """A hundredth wider is a hundredth nearer, where width alone tells depth."""
     assert np.mean([result.radius for result in few]) == pytest.approx(1.0, abs=0.01)
 
 
