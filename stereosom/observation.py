@@ -8,11 +8,12 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from .arrays import Booleans, Floats, check_array
+from .arrays import Booleans, Floats, Integers, check_array
 from .camera import Camera, StereoRig
 
 Kind = Literal["filled", "edges"]
 View = Literal["a", "b"]
+_PIXELS = ("pixels_a", "pixels_b")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ class Observation:
     defect: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("pixels_a", "pixels_b"):
+        for name in _PIXELS:
             object.__setattr__(self, name, check_array(getattr(self, name), name, (None, 2)))
         if self.kind not in get_args(Kind):
             raise ValueError(f"kind: {self.kind!r} is not one of {', '.join(get_args(Kind))}")
@@ -69,6 +70,11 @@ class Observation:
             for view, corners in (("a", view_a), ("b", view_b))
         )
         object.__setattr__(self, "field_of_view", checked)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How it is pickled: its pixels as runs, a hundredth of the bytes of large masks."""
+        runs = {name: _runs(getattr(self, name)) for name in _PIXELS}
+        return _pickled, ({**self.__dict__, **runs},)
 
     @classmethod
     def from_masks(cls, mask_a: Any, mask_b: Any, rig: StereoRig, **described: Any) -> Observation:
@@ -172,3 +178,31 @@ def picture_border(camera: Camera) -> Floats:
     width, height = camera.image_size
     right, bottom = width - 0.5, height - 0.5
     return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
+
+
+def _pickled(state: dict[str, Any]) -> Observation:
+    """The observation once more: what was checked need not be checked again."""
+    observation = object.__new__(Observation)
+    pixels = {name: _out_of_runs(*state[name]) for name in _PIXELS}
+    observation.__dict__.update({**state, **pixels})
+    return observation
+
+
+def _runs(pixels: Floats) -> tuple[Floats, Integers]:
+    """First pixel (n, 2) and number of pixels (n,) of each run along a row, in order."""
+    if len(pixels) == 0:
+        return pixels, np.zeros(0, dtype=np.intp)
+    x, y = pixels.T
+    goes_on = (np.diff(x) == 1) & (np.diff(y) == 0)
+    # One step after the other, fractions would not come out the same.
+    goes_on &= x[1:] == np.rint(x[1:])
+    first = np.flatnonzero(np.append(True, ~goes_on))
+    return pixels[first], np.diff(first, append=len(pixels))
+
+
+def _out_of_runs(first: Floats, count: Integers) -> Floats:
+    """Each pixel (n, 2) of runs."""
+    pixels = np.repeat(first, count, axis=0)
+    pixels[:, 0] += np.arange(len(pixels)) - np.repeat(np.cumsum(count) - count, count)
+    pixels.flags.writeable = False
+    return pixels

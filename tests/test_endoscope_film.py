@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from stereosom_plugin import render, segmentation
 from stereosom_plugin.ahead import ahead
 from stereosom_plugin.cli import main
 from stereosom_plugin.endoscopy import read_stereo
+from stereosom_plugin.endoscopy.film import Film
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.evaluation import evaluate, read_truth
 from stereosom_plugin.segmentation.endoscope import segmenter
@@ -85,6 +87,11 @@ def test_both_eyes_see_the_tip_at_the_same_place_of_the_device():
     assert np.std(apart) < 0.5
 
 
+def test_its_thickness_is_that_of_the_device(few):
+    """A hundredth wider is a hundredth nearer, where width alone tells depth."""
+    assert np.mean([result.radius for result in few]) == pytest.approx(1.0, abs=0.01)
+
+
 def test_a_tip_is_where_it_is_and_no_less_sure_than_that():
     """Seen nearly end-on, a round tip can be taken for a bend along the line of sight."""
     for result in tracked(range(10, 14)):
@@ -109,6 +116,20 @@ def test_a_film_that_was_begun_goes_on_in_another_process():
         assert np.array_equal(one.pixels_a, other.pixels_a)
         assert np.array_equal(one.pixels_b, other.pixels_b)
     assert np.array_equal(acquisition.read(3)[0], acquisition.read(3)[0])  # and here, too
+
+
+def test_a_copy_of_the_process_decodes_frame_by_frame():
+    """Both processes have work for a processor each: decoding side by side costs a tenth more."""
+    film = Film(FILM / "left.mp4")
+
+    def ways():
+        film.frame(0)
+        yield film._stream.thread_type.name
+
+    assert next(ways()) == "AUTO"
+    (there,) = ahead(ways())
+    if hasattr(os, "sched_getaffinity") and len(os.sched_getaffinity(0)) > 1:
+        assert there == "SLICE"
 
 
 def test_exchanged_eyes_are_noticed_though_the_tissue_is_faint():

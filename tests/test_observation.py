@@ -1,3 +1,5 @@
+import pickle
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,30 @@ def test_a_mask_pixel_becomes_the_point_x_y():
     seen = Observation.from_masks(mask, mask, RIG, time=1.5, index=3)
     assert seen.pixels_b.tolist() == [[20, 10]]
     assert (seen.time, seen.index) == (1.5, 3)
+
+
+@pytest.mark.parametrize("shift", [0, 0.1])
+@pytest.mark.parametrize("order", ["rows", "columns", "any"])
+def test_pickled_it_is_the_same_to_the_last_bit(order, shift):
+    row, column = np.nonzero(np.random.default_rng(1).random((30, 40)) < 0.8)
+    pixels = np.column_stack([column, row]) - 7.0 + shift
+    if order != "rows":
+        pixels = pixels[np.random.default_rng(2).permutation(len(pixels))]
+    if order == "columns":
+        pixels = pixels[np.lexsort(pixels.T[::-1])]
+    back = pickle.loads(pickle.dumps(Observation(pixels, pixels[:0], RIG, index=3)))
+    assert np.array_equal(back.pixels_a, pixels)
+    assert back.pixels_b.shape == (0, 2)
+    assert (back.index, back.rig.a.image_size) == (3, RIG.a.image_size)
+    with pytest.raises(ValueError, match="read-only"):
+        back.pixels_a[0] = 0
+
+
+def test_pickled_it_is_small():
+    """What is segmented ahead waits in a pipe of a quarter of a megabyte."""
+    mask = np.zeros((768, 1024), dtype=bool)
+    mask[100:700, 300:400] = True
+    assert len(pickle.dumps(Observation.from_masks(mask, mask, RIG))) < 50_000
 
 
 def test_the_field_of_view_is_the_picture_unless_given():

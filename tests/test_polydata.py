@@ -17,6 +17,7 @@ from stereosom.synthetic import arc
 from stereosom_plugin import polydata
 from stereosom_plugin.errors import InputError
 from stereosom_plugin.files import sweep, write_whole
+from stereosom_plugin.vtp_decoder import content_of
 from stereosom_plugin.vtp_text import vtp_text
 from stereosom_plugin.vtp_writer import make_polydata
 
@@ -457,3 +458,14 @@ def test_sweep_removes_leftovers_only(tmp_path):
     leftover.write_text("half")
     sweep(tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["c.txt"]
+
+
+def test_names_and_words_of_others_are_kept(tmp_path):
+    """Quotes, other letters, nothing at all: a sequence holds what a foreign file held."""
+    field = {'a "b" <c>': np.ones((2, 3)), "words": ("ä", "", "&"), "none": ()}
+    text = vtp_text(np.eye(3), {"1 & 2": np.arange(3.0)}, field)
+    (tmp_path / "c.vtp").write_text(text, encoding="utf-8")
+    read = content_of(vtk_read(tmp_path / "c.vtp"))
+    assert read.point_data["1 & 2"].tolist() == [0, 1, 2]
+    assert read.described['a "b" <c>'].shape == (2, 3)
+    assert (read.described["words"], read.described["none"]) == (("ä", "", "&"), ())

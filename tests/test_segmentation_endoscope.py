@@ -176,3 +176,22 @@ def test_outer_and_inner_tube_of_a_real_robot_are_one_device(shared_data):
         for row, column in points:
             assert np.hypot(rows - row, columns - column).min() < 12
         assert len(rows) < 5000  # and little else
+
+
+def test_a_shaded_body_is_as_wide_before_dark_tissue_as_before_bright():
+    """Its depth is told by its width: a twentieth of that would be a twentieth of the distance."""
+    row, column = np.mgrid[:200, :600]
+    away = (row - 99.5) / 12
+    shade = 40 + 120 * np.sqrt(np.clip(1 - away**2, 0, 1))
+    behind = (0.3 + 0.7 * column / 600)[..., None] * (190, 60, 50)
+    seen = np.where((np.abs(away) <= 1)[..., None], shade[..., None], behind)
+    seen = ndimage.gaussian_filter(seen, (0.8, 0.8, 0))
+    seen += np.random.default_rng(1).normal(0, 2, seen.shape)
+    left, _ = segmenter(width_px=40)
+    for _ in range(3):
+        left(np.rint(np.clip(seen, 0, 255)).astype(np.uint8))
+    across = left.last.edges[1] - left.last.edges[0]
+    width = np.linalg.norm(across, axis=1)[20:-20]
+    parts = [each.mean() for each in np.array_split(width, 4)]
+    assert np.ptp(parts) < 0.3
+    assert np.mean(parts) == pytest.approx(24, abs=0.8)

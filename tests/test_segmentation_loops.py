@@ -233,13 +233,86 @@ def test_a_mean_neither_shortens_nor_turns_a_straight_line():
 
 @pytest.mark.parametrize("channels", [1, 3])
 def test_where_colors_have_gone_half_the_way(channels):
-    profile = rng.integers(0, 255, (40, 21, channels)).astype(np.uint8)
-    same("half_way", profile, 0.3, within=1e-4)
+    profile = rng.integers(0, 255, (40, 21, channels)).astype(np.float32)
+    same("half_way", profile, 0.3, 0.01, within=1e-4)
     profile[:] = 90
     profile[:, 13:] = 190  # between the places 12 and 13, at the middle of which it is 10
-    shift, far = same("half_way", profile, 0.3, within=1e-4)
+    shift, far, by_hue = same("half_way", profile, 0.3, 0.01, within=1e-4)
     assert shift[10] == pytest.approx(0.3 * 2.5)
     assert far[10] == pytest.approx(100 * np.sqrt(channels))
+    assert not by_hue  # it is brighter, no more
+
+
+def test_shades_of_a_round_body_do_not_move_its_edge_where_hue_tells_it():
+    """The nearer its edge the darker it is, here more, there less; what is behind is red."""
+    depth, least = np.arange(11)[::-1], np.linspace(0.3, 0.9, 40)[:, None]
+    profile = np.zeros((40, 21, 3), dtype=np.float32)
+    profile[:, :11] = 160 * (least + (1 - least) * np.sqrt(depth / 10))[..., None]
+    profile[:, 11:] = 120, 40, 40
+    by_all, by_hue = (same("half_way", profile, 0.3, least, within=1e-4) for least in (9, 0.05))
+    assert (by_all[2], by_hue[2]) == (False, True)
+    assert np.ptp(by_all[0]) > 0.15
+    assert by_hue[0] == pytest.approx(0.15, abs=0.02)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_colors_between_pixels_and_beyond_the_border(channels):
+    picture = rng.integers(0, 256, (20, 30, channels)).astype(np.uint8)
+    x, y = rng.uniform(-3, 33, (2, 25, 7))
+    (found,) = same("sampled", picture, x, y, within=1e-4)
+    corner = np.array([[-2.0, 29.0, 40.0, 3.5]]), np.array([[-2.0, 19.0, 25.0, 0.0]])
+    (found,) = same("sampled", picture, *corner, within=1e-4)
+    half = (picture[0, 3].astype(float) + picture[0, 4]) / 2
+    assert np.allclose(found[0], [picture[0, 0], picture[-1, -1], picture[-1, -1], half])
+    (light,) = same("sampled", (picture / 255).astype(np.float32), x, y, within=1e-4)
+    assert light.max() <= 1
+    same("sampled", picture[:1, :1], x, y, within=1e-4)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_how_like_colors_are(channels):
+    shades = 6
+    table = rng.random(shades**channels).astype(np.float32)
+    picture = rng.integers(0, 256, (20, 30, channels)).astype(np.uint8)
+    x, y = rng.integers(0, 20, (2, 25, 7)).astype(float)
+    (found,) = same("likeness", picture, x, y, table, shades)
+    level = picture[int(y[3, 2]), int(x[3, 2])].astype(int) * shades // 256
+    number = level @ shades ** np.arange(channels - 1, -1, -1)
+    assert found[3, 2] == table[number]
+    same("likeness", np.full_like(picture, 255), x + 0.4, y - 20, table, shades)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_how_often_colors_are(channels):
+    picture = rng.uniform(-0.1, 1.1, (20, 30, channels)).astype(np.float32)
+    sample = rng.random((20, 30)) < 0.2
+    (number,) = same("shades", picture, 6)
+    counts = same("counted", picture, sample, 6)[0]
+    assert counts.sum(axis=1).tolist() == [sample.sum(), (~sample).sum()]
+    assert counts[0, number[sample][0]] == np.sum(number[sample] == number[sample][0])
+
+
+@pytest.mark.parametrize("size", [1, 5, 7])
+def test_medians_along(size):
+    same("middles", rng.integers(0, 5, 40).astype(float), size)
+    same("middles", rng.random(3), size)
+
+
+def test_columns_that_hold_most():
+    gain = rng.normal(size=(40, 31))
+    first = rng.integers(0, 31, 40)
+    same("most_gain", gain, first, 20)
+    gain = np.where(np.abs(np.arange(31) - 15) <= 6, 1.0, -1.0) + np.zeros((40, 1))
+    (found,) = same("most_gain", gain.astype(np.float32), np.full(40, 14), 12)
+    assert found.tolist() == [[5] * 40, [7] * 40]
+
+
+def test_what_lies_before_an_end():
+    total = np.cumsum(rng.random((37, 15)), axis=0)
+    ends, reaches = np.arange(-0.8, 1.6, 0.04), np.linspace(0, 1.5, 13)
+    short = 1 - np.sqrt(1 - np.linspace(-0.9, 0.9, 15) ** 2)
+    (held,) = same("held", total, ends, reaches, short, -1.5, 1 / 12)
+    assert held[-1, 0] == pytest.approx(total[-1].sum())
 
 
 def test_filling_what_an_outline_winds_about():

@@ -39,6 +39,19 @@ def test_the_end_and_its_shape_are_found_between_the_rows(end, roundness):
         assert edge[-1, 1] == pytest.approx(150, abs=0.15 * HALF)
 
 
+def test_of_ends_that_are_as_likely_the_middle_is_taken():
+    """Where colors tell nothing for a while, what is first or last is chance."""
+    narrow = tuple(
+        np.column_stack([np.arange(0.0, 100, 1), np.full(100, 150 + y)]) for y in (-3, 3)
+    )
+
+    def gain(x, y):
+        return np.where(x < 98, 1.0, np.where(x < 101, 0.0, -1.0))
+
+    tip = find_tip(narrow, (300, 300), gain)
+    assert tip.place[0] + 3 * tip.roundness == pytest.approx(99.5, abs=0.2)
+
+
 def test_what_goes_on_or_leaves_the_picture_has_no_end():
     assert find_tip(RIMS, (300, 300), gain_of(150.0, 0.0)) is None
     assert find_tip(RIMS, (105, 300), gain_of(99.0, 0.0)) is None

@@ -62,7 +62,7 @@ class Cells:
         # The cells of the seen picture that each touches; between pixels both neighbors count.
         first = np.maximum(np.floor(low).astype(int) // CELL_PX, 0)
         stop = np.minimum(np.ceil(up).astype(int) // CELL_PX + 1, counts[::-1])
-        self._boxes = np.hstack([first, stop])
+        self._boxes = np.hstack([first, stop]).astype(np.int16)
 
     def undistorted(self, mask: Mask) -> Floats | None:
         """Whole pixels (x, y) that a mask covers in the ideal picture, (n, 2), row by row.

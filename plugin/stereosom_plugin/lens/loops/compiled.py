@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import ceil
+
 import numpy as np
 from numba import njit
 
@@ -26,6 +28,8 @@ def covered(mask, some, full, cells, quads, boxes, within):  # type: ignore[no-u
             for x in range(begin, end):
                 touched |= some[y, x]
                 filled &= full[y, x]
+        if touched and not filled:  # by its pixels, most of these are all device, or none of it
+            touched, filled = _some_and_all(mask, quads[i], within[i])
         if touched:
             held[count] = i
             if filled:
@@ -71,27 +75,54 @@ def _bounds(some):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _some_and_all(mask, quad, within):  # type: ignore[no-untyped-def]
+    """Whether a mask holds any pixel of the box about a cell's corners, and all of them."""
+    rows, columns = mask.shape
+    low_x, low_y = quad[0]
+    up_x, up_y = quad[0]
+    for k in range(1, 4):
+        low_x, up_x = min(low_x, quad[k, 0]), max(up_x, quad[k, 0])
+        low_y, up_y = min(low_y, quad[k, 1]), max(up_y, quad[k, 1])
+    left, right = np.uint64(max(low_x, 0.0)), np.uint64(min(ceil(up_x), columns - 1.0) + 1)
+    top, bottom = np.uint64(max(low_y, 0.0)), np.uint64(min(ceil(up_y), rows - 1.0) + 1)
+    some, every = False, within
+    for y in range(top, bottom):
+        for x in range(left, right):
+            some |= mask[y, x]
+            every &= mask[y, x]
+    return some, every
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _look_up(mask, quad, drawn):  # type: ignore[no-untyped-def]
     """Which pixels of a cell a mask covers for a half, and how many."""
     rows, wide = mask.shape
     count = 0
     for i in range(CELL_PX):
         v = i / CELL_PX
-        x_left, y_left = (1 - v) * quad[0] + v * quad[2]
-        x_right, y_right = (1 - v) * quad[1] + v * quad[3]
+        x_left, x_right = (
+            (1 - v) * quad[0, 0] + v * quad[2, 0],
+            (1 - v) * quad[1, 0] + v * quad[3, 0],
+        )
+        y_left, y_right = (
+            (1 - v) * quad[0, 1] + v * quad[2, 1],
+            (1 - v) * quad[1, 1] + v * quad[3, 1],
+        )
         bits = 0
         for j in range(CELL_PX):
             u = j / CELL_PX
             x, y = (1 - u) * x_left + u * x_right, (1 - u) * y_left + u * y_right
             if not (0 <= x <= wide - 1 and 0 <= y <= rows - 1):
                 continue
-            column, row = min(int(x), wide - 2), min(int(y), rows - 2)
-            a, b = mask[row, column], mask[row, column + 1]
-            c, d = mask[row + 1, column], mask[row + 1, column + 1]
+            # Without a sign, a place need not be looked at for a negative one.
+            column, row = np.uint64(min(int(x), wide - 2)), np.uint64(min(int(y), rows - 2))
+            right, below = column + np.uint64(1), row + np.uint64(1)
+            a, b = mask[row, column], mask[row, right]
+            c, d = mask[below, column], mask[below, right]
             if a == b == c == d:  # most are
                 covers = a
             else:
-                x, y = x - column, y - row
+                x, y = x - float(column), y - float(row)
                 cover = (a * (1 - x) + b * x) * (1 - y) + (c * (1 - x) + d * x) * y
                 covers = np.float32(cover) >= 0.5
             if covers:

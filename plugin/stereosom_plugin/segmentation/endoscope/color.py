@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from stereosom_plugin.errors import InputError
 
+from ..loops import loops
 from .frame import Light
 
 Box = tuple[float, float, float, float]
@@ -42,12 +43,13 @@ class DeviceColor:
     """
 
     def __init__(self, picture: Light, sample: npt.NDArray[np.bool_]) -> None:
-        device, elsewhere = (_frequencies(picture[part]) for part in (sample, ~sample))
+        counts = loops().counted(picture, sample, SHADES)
+        device, elsewhere = (_frequencies(each, picture.shape[2]) for each in counts)
         self.log_quotient = np.log((device + 1e-9) / (elsewhere + 1e-9)).astype(np.float32)
 
     def __call__(self, picture: Light) -> Light:
         """Logarithm of the likelihood quotient of each pixel, (rows, columns)."""
-        return np.asarray(self.log_quotient.take(_shades(picture)))
+        return np.asarray(self.log_quotient.take(loops().shades(picture, SHADES)))
 
 
 def in_box(shape: tuple[int, ...], box: Box) -> npt.NDArray[np.bool_]:
@@ -104,18 +106,8 @@ def on_stroke(shape: tuple[int, ...], stroke: Stroke) -> npt.NDArray[np.bool_]:
     return inside
 
 
-def _shades(picture: Light) -> npt.NDArray[np.intp]:
-    """Number of each pixel's color."""
-    level = np.clip(picture * SHADES, 0, SHADES - 1).astype(np.intp)
-    number = level[..., 0]
-    for channel in range(1, picture.shape[-1]):
-        number = number * SHADES + level[..., channel]
-    return number
-
-
-def _frequencies(pixels: Light) -> npt.NDArray[np.float64]:
-    shape = (SHADES,) * pixels.shape[-1]
-    counts = np.bincount(_shades(pixels).ravel(), minlength=SHADES ** len(shape))
+def _frequencies(counts: npt.NDArray[np.intp], channels: int) -> npt.NDArray[np.float64]:
+    shape = (SHADES,) * channels
     smooth = ndimage.gaussian_filter(counts.reshape(shape).astype(float), SPREAD, mode="nearest")
     smooth /= max(float(smooth.sum()), 1e-12)
     return np.asarray((1 - NEVER_SEEN) * smooth + NEVER_SEEN / smooth.size)

@@ -11,6 +11,8 @@ from .frame import Light, over_colors
 # Share of the shorter side over which a background is taken for even, and the pixels per side of
 # the small picture on which that is done.
 EVEN_OVER, SMALL_SIDE = 0.3, 240
+# So many pixels, evenly spread, tell the exposure.
+EXPOSED = 100_000
 # A shadow darkens all colors alike, by no more than this, and no less alike than that.
 DEEPEST_SHADOW, ALIKE = 0.45, 0.06
 
@@ -69,10 +71,12 @@ def difference(picture: Light, background: Light, *, shadows: bool = True) -> Li
             f"{picture.shape[2]}",
             "give the empty scene as the same camera saw it",
         )
-    lit = over_colors(np.minimum, background) > 0.05
     gain = np.ones(picture.shape[2], dtype=np.float32)
+    some = max(1, int(np.sqrt(picture[..., 0].size / EXPOSED)))
+    seen, behind = picture[::some, ::some], background[::some, ::some]
+    lit = over_colors(np.minimum, behind) > 0.05
     if lit.sum() > 100:
-        gain = np.median(picture[lit] / background[lit], axis=0)
+        gain = np.median(seen[lit] / behind[lit], axis=0)
         gain = np.where((gain > 0.5) & (gain < 2), gain, 1).astype(np.float32)
     expected = background * gain
     apart = over_colors(np.maximum, np.abs(picture - expected))

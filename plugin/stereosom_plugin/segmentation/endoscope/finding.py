@@ -9,10 +9,11 @@ import numpy as np
 from stereosom.arrays import Floats
 from stereosom_plugin.errors import InputError
 
+from ..loops import loops
 from ..picture import Mask
-from .color import DeviceColor
+from .color import SHADES, DeviceColor
 from .difference import difference, plain_background
-from .frame import Light, light
+from .frame import Light
 from .pieces import device_pixels, with_highlights
 from .straight import Evidence, sample
 
@@ -89,7 +90,7 @@ class Before:
         background = self.background
 
         def both(picture: Any, x: Floats, y: Floats) -> Floats:
-            seen, behind = light(sample(picture, x, y)), sample(background, x, y)
+            seen, behind = sample(picture, x, y) / np.float32(255), sample(background, x, y)
             # Where a thin line goes on, it is no shadow.
             differs = np.clip(difference(seen, behind, shadows=False) / LEAST - 1, -1, 1)
             like_it = _likeness(color, seen)
@@ -106,11 +107,14 @@ class Before:
 
 def color_evidence(color: DeviceColor | None) -> Evidence:
     """Evidence of a color's likelihood; none for none."""
+    if color is None:
+        return lambda picture, x, y: np.zeros(x.shape)
+    table = np.clip(color.log_quotient.ravel() / VERY_LIKELY, -1, 1)
 
     def evidence(picture: Any, x: Floats, y: Floats) -> Floats:
-        if color is None:
-            return np.zeros(x.shape)
-        return _likeness(color, light(sample(picture, x, y)))
+        if SHADES ** picture.shape[2] != len(table):
+            raise InputError("picture", "has other colors than those before", "give one like them")
+        return np.asarray(loops().likeness(picture, x, y, table, SHADES))
 
     return evidence
 

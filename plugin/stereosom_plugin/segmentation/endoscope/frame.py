@@ -68,7 +68,7 @@ def over_colors(function: np.ufunc, picture: Light) -> Light:
 
 
 def as_bytes(image: Any) -> npt.NDArray[np.uint8]:
-    """Return a picture as bytes, (rows, columns, 1 or 3); no copy where it is that already.
+    """Return a picture as bytes, (rows, columns, 1 or 3), in one piece; no copy where it is that.
 
     Raises
     ------
@@ -77,5 +77,5 @@ def as_bytes(image: Any) -> npt.NDArray[np.uint8]:
     """
     array = np.asarray(image)
     if array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] in (1, 3) and array.size:
-        return array
+        return np.ascontiguousarray(array)
     return np.rint(light(image) * 255).astype(np.uint8)

@@ -12,7 +12,16 @@ from stereosom.arrays import Floats
 
 from ..loops import loops
 from ..picture import Mask
-from .straight import LEAST_LIKE, ROW, Evidence, Strip, sample, smooth, straighten, weighted
+from .straight import (
+    LEAST_LIKE,
+    ROW,
+    Evidence,
+    Strip,
+    sample,
+    smooth,
+    straighten,
+    weighted,
+)
 from .tips import Tip, find_tip
 
 # All of these in widths of the device.
@@ -22,6 +31,9 @@ _ROUND, _BODY = 0.6, 2.0
 _RUN = 1.0  # along the run of the line and of an edge
 _END = 0.75  # to either side of an end, likewise
 _EDGE = 0.14  # to either side of an edge, where its colors are looked up
+# Least share of hue in what changes there, and how often such an edge is looked up; narrower, and
+# there is no inside of one color. Each look goes two thirds of the way that is left.
+_OF_HUE, _LOOKS, _TOLD, _FARTHER = 0.15, 2, 4.0, 1.5
 # An edge that is farther from its run than this, px and in widths, strays; how sure an edge must
 # be to depart from its run.
 _STRAYS_PX, _STRAYS, _BRIDGED = 0.6, 0.02, 0.1
@@ -113,9 +125,12 @@ def trace(
     center = smooth(center[kept], _SMOOTH / ROW / 2)
     near = ndimage.uniform_filter1d(np.nan_to_num(row_like[kept], nan=1.0), 5)
     seen = near >= LEAST_LIKE
-    rough = _rough_edges(like[kept], offset, center, width)
+    edges = _rough_edges(like[kept], offset, center, width)
     weight = strip.within[kept].any(axis=1) & (np.nan_to_num(row_like[kept]) > LEAST_LIKE)
-    edges = _fine_edges(picture, line, normal, rough, width, weight)
+    for _ in range(_LOOKS):
+        edges, by_hue = _fine_edges(picture, line, normal, edges, width, weight)
+        if not by_hue:
+            break
     span = edges[1] - edges[0]
     width = float(np.median(span[weight])) if weight.any() else width
     seen &= span > 0.2 * width
@@ -149,7 +164,7 @@ def _half_way(picture: Any, strip: Strip, width: float, start: int, stop: int) -
             found.append(end)
             continue
         place = middle[rows][:, None] + across * normal[rows][:, None]
-        color = sample(picture, place[..., 0], place[..., 1]).astype(float).mean(axis=1)
+        color = sample(picture, place[..., 0], place[..., 1]).mean(axis=1)
         inner, outer = color[: reach // 2].mean(axis=0), color[-(reach // 2) :].mean(axis=0)
         way = outer - inner
         share = np.clip((color - inner) @ way / max(float(way @ way), 1e-6), 0, 1)
@@ -163,31 +178,32 @@ def _rough_edges(like: Floats, offset: Floats, center: Floats, width: float) -> 
     Outwards from the middle, the evidence sums up to its most there.
     """
     step = offset[1] - offset[0]
-    smooth = ndimage.uniform_filter1d(like, 5, axis=0)
-    found = []
-    far = np.arange(1, int(np.ceil(0.9 * width / step)) + 1)
     first = np.rint((center - offset[0]) / step).astype(int)
-    for side in (-1, 1):
-        column = np.clip(first[:, None] + side * far, 0, like.shape[1] - 1)
-        total = np.cumsum(np.take_along_axis(smooth, column, axis=1), axis=1)
-        at = far[total.argmax(axis=1)] * step + step / 2
-        at = ndimage.median_filter(at, size=2 * round(_SMOOTH / ROW / 2) + 1, mode="nearest")
-        found.append(center + side * at)
-    return np.stack(found)
+    columns = loops().most_gain(like, first, int(np.ceil(0.9 * width / step)))
+    size = 2 * round(_SMOOTH / ROW / 2) + 1
+    left, right = (loops().middles((each + 0.5) * step, size) for each in columns)
+    return np.stack([center - left, center + right])
 
 
 def _fine_edges(
     picture: Any, line: Floats, normal: Floats, rough: Floats, width: float, weight: Any
-) -> Floats:
-    """Where the colors have gone half the way from inside to outside, (2, rows), from the line."""
+) -> tuple[Floats, bool]:
+    """Where the colors have gone half the way from inside to outside, (2, rows), from the line.
+
+    And whether it is their hue that tells it, on both sides: it does so the better, the nearer
+    what is called inside and outside is to the edge.
+    """
     reach = max(2.5, _EDGE * width)
+    least_hue = _OF_HUE if width > _TOLD * reach else np.inf
     across, side = np.linspace(-reach, reach, 21), np.array([[-1.0], [1.0]])
     away = rough[..., None] + side[..., None] * across
     x, y = (line[:, i, None] + away * normal[:, i, None] for i in (0, 1))
-    profiles = (sample(picture, *edge) for edge in zip(x, y, strict=True))
-    found = [loops().half_way(profile, across[1] - across[0]) for profile in profiles]
-    shift, contrast = np.moveaxis(np.array(found), 1, 0)
+    profiles = (loops().sampled(picture, *edge) for edge in zip(x, y, strict=True))
+    step = across[1] - across[0]
+    found = [loops().half_way(profile, step, least_hue) for profile in profiles]
+    shift, contrast, by_hue = (np.array(each) for each in zip(*found, strict=True))
     sure = weight * np.minimum(contrast / 25, 1) ** 2 + 1e-6
+    shift *= np.where(by_hue, _FARTHER, 1.0)[:, None]
     shift = np.where(np.abs(shift) < reach, shift, 0)
     edge = rough + side * shift
     edge = np.stack([_to_flat_ends(*each) for each in zip(edge, sure, strict=True)], axis=1)
@@ -196,7 +212,8 @@ def _fine_edges(
     for _ in range(3):
         run = weighted(edge, sure, _RUN / ROW)
         sure = sure / (1 + ((edge - run) / max(_STRAYS_PX, _STRAYS * width)) ** 2)
-    return np.asarray(run + weighted(edge - run, sure, _SMOOTH / ROW, _BRIDGED)).T
+    fine = run + weighted(edge - run, sure, _SMOOTH / ROW, _BRIDGED)
+    return np.asarray(fine).T, bool(by_hue.all())
 
 
 def _to_flat_ends(edge: Floats, sure: Floats) -> Floats:

@@ -11,11 +11,11 @@ import numpy as np
 from scipy import ndimage
 
 from stereosom.arrays import Floats
-from stereosom_plugin.errors import require
 
 from ..loops import loops
 from ..picture import Mask
 from ..way import best_way
+from .frame import Light
 
 # How likely colors are those of the device, (n, m), -1 to 1, of what a picture shows at places
 # (x, y), (n, m) each, a row across the device after the other.
@@ -139,10 +139,8 @@ def brought_to(picture: Any, line: Floats, width: float, evidence: Evidence) -> 
 def _even(line: Floats, width: float, row: float, size: Floats) -> tuple[Floats, Floats]:
     """A line at even steps, gone on straight at both ends, and its normals."""
     step = max(row * width, 0.5)
-    reach = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    at = np.linspace(0, reach[-1], max(int(reach[-1] / step), 8))
-    even = np.column_stack([np.interp(at, reach, axis) for axis in line.T])
-    even = smooth(even, _RUN * width / step)
+    length = float(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)).sum())
+    even = smooth(loops().evenly(line, min(step, length / 8)), _RUN * width / step)
     tail = min(max(int(width / step), 2), len(even) - 1)
     ahead = step * np.arange(1, int(_BEYOND * width / step) + 1)[:, None]
     ends = []
@@ -154,9 +152,7 @@ def _even(line: Floats, width: float, row: float, size: Floats) -> tuple[Floats,
     inside = np.flatnonzero(near)
     if len(inside) > 8:
         even = even[inside[0] : inside[-1] + 1]
-    along = np.gradient(even, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-    return even, np.column_stack([-along[:, 1], along[:, 0]])
+    return even, np.asarray(loops().normals(even))
 
 
 def _middle(like: Floats, half: int) -> Any:
@@ -170,8 +166,8 @@ def _middle(like: Floats, half: int) -> Any:
 
 def _longest_run(row_like: Floats, row: float) -> tuple[int, int]:
     """Rows from the device's one end to the other; beyond the picture nothing is known."""
-    smooth = ndimage.median_filter(np.nan_to_num(row_like, nan=-9.0), 5)
-    on = np.flatnonzero(smooth > LEAST_LIKE)
+    outside = np.isnan(row_like)
+    on = np.flatnonzero(loops().middles(np.where(outside, -9.0, row_like), 5) > LEAST_LIKE)
     if len(on) == 0:
         return 0, 0
     breaks = np.flatnonzero(np.diff(on) > _GAP / row)
@@ -179,7 +175,6 @@ def _longest_run(row_like: Floats, row: float) -> tuple[int, int]:
     longest = int(np.argmax(stops - starts))
     start, stop = int(starts[longest]), int(stops[longest])
     # At the picture's border the device goes on beyond it.
-    outside = np.isnan(row_like)
     while start > 0 and outside[start - 1]:
         start -= 1
     while stop < len(row_like) and outside[stop]:
@@ -187,14 +182,9 @@ def _longest_run(row_like: Floats, row: float) -> tuple[int, int]:
     return start, stop
 
 
-def sample(picture: Any, x: Floats, y: Floats) -> Any:
+def sample(picture: Any, x: Floats, y: Floats) -> Light:
     """Colors at places (x, y), (n, m, channels), interpolated."""
-    cv2 = require("cv2", "endoscopy")
-    found = cv2.remap(
-        picture, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE,
-    )  # fmt: skip
-    return found if found.ndim == 3 else found[..., None]
+    return np.asarray(loops().sampled(picture, x, y))
 
 
 def smooth(values: Floats, sigma: float) -> Floats:

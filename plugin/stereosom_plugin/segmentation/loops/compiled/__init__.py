@@ -1,6 +1,7 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
-from .edges import fill, half_way, weighted
+from .colors import counted, likeness, sampled, shades
+from .edges import fill, half_way, held, most_gain, weighted
 from .ends import (
     covered,
     damped_step,
@@ -12,7 +13,7 @@ from .ends import (
     smooth,
     tail,
 )
-from .lines import absorbed, best_way, blurred, evenly, light_across, medians, normals
+from .lines import absorbed, best_way, blurred, evenly, light_across, medians, middles, normals
 from .pictures import darker_lines, draw_line
 from .profiles import fitted_profile, tube_profile
 
@@ -20,6 +21,7 @@ __all__ = [
     "absorbed",
     "best_way",
     "blurred",
+    "counted",
     "covered",
     "damped_step",
     "darker_lines",
@@ -31,10 +33,16 @@ __all__ = [
     "fill",
     "fitted_profile",
     "half_way",
+    "held",
     "learn_slopes",
     "light_across",
+    "likeness",
     "medians",
+    "middles",
+    "most_gain",
     "normals",
+    "sampled",
+    "shades",
     "shadow",
     "smooth",
     "tail",

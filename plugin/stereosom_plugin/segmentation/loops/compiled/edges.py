@@ -16,56 +16,106 @@ def weighted(values, weights, bell, more):  # type: ignore[no-untyped-def]
     n, m = values.shape
     reach = len(bell) // 2
     margin, wide = min(reach + 1, n - 1), weights.shape[1]
-    mean, total = np.empty((n, m)), np.empty(2 * m)
-    for i in range(n):
-        total[:] = 0
-        for k in range(-reach, reach + 1):
-            at = _mirrored(i + k + margin, n + 2 * margin) - margin
-            for j in range(m):
-                if at < 0:
-                    value = 2 * values[0, j] - values[-at, j]
-                    weight = weights[-at, min(j, wide - 1)]
-                elif at >= n:
-                    value = 2 * values[n - 1, j] - values[2 * n - 2 - at, j]
-                    weight = weights[2 * n - 2 - at, min(j, wide - 1)]
-                else:
-                    value, weight = values[at, j], weights[at, min(j, wide - 1)]
-                total[j] += bell[k + reach] * value * weight
-                total[m + j] += bell[k + reach] * weight
-        for j in range(m):
-            mean[i, j] = total[j] / (total[m + j] + more)
+    mean = np.empty((n, m))
+    product, weight = np.empty(n + 2 * reach), np.empty(n + 2 * reach)
+    total, share = np.empty(n), np.empty(n)
+    for j in range(m):
+        for i in range(n + 2 * reach):
+            at = _mirrored(i - reach + margin, n + 2 * margin) - margin
+            inner = -at if at < 0 else 2 * n - 2 - at if at >= n else at
+            value = values[inner, j]
+            if inner != at:
+                value = 2 * values[0 if at < 0 else n - 1, j] - value
+            weight[i] = weights[inner, min(j, wide - 1)]
+            product[i] = value * weight[i]
+        total[:], share[:] = 0, more
+        for k in range(len(bell)):
+            for i in range(n):  # several at once
+                total[i] += bell[k] * product[i + k]
+                share[i] += bell[k] * weight[i + k]
+        for i in range(n):
+            mean[i, j] = total[i] / share[i]
     return mean
 
 
 @compiled
-def half_way(profile, step):  # type: ignore[no-untyped-def]
-    """As `reference.half_way`."""
-    n, wide, channels = profile.shape
-    shift, far = np.empty(n), np.empty(n)
-    mean, way, inner = np.empty((wide, channels)), np.empty(channels), np.empty(channels)
+def most_gain(gain, first, reach):  # type: ignore[no-untyped-def]
+    """As `reference.most_gain`."""
+    n, m = gain.shape
+    found, smooth = np.empty((2, n), np.intp), np.empty(m)
     for i in range(n):
-        mean[:] = 0
+        smooth[:] = 0
         for k in range(-2, 3):
             at = _mirrored(i + k, n)
-            for j in range(wide):
-                for c in range(channels):
-                    mean[j, c] += profile[at, j, c]
-        square = 0.0
+            for j in range(m):
+                smooth[j] += gain[at, j]
+        for number in range(2):
+            most, total = -np.inf, 0.0
+            for away in range(1, reach + 1):
+                column = first[i] + (2 * number - 1) * away
+                total += smooth[min(max(column, 0), m - 1)]
+                if total > most:
+                    most, found[number, i] = total, away
+    return found
+
+
+@compiled
+def half_way(profile, step, least_hue):  # type: ignore[no-untyped-def]
+    """As `reference.half_way`."""
+    n, wide, channels = profile.shape
+    rows = profile.reshape((n, wide * channels))
+    total = np.zeros((n, wide * channels), profile.dtype)
+    inner, way, hue = np.empty((n, channels)), np.empty((n, channels)), np.empty((n, channels))
+    shift, far = np.empty(n), np.zeros(n)
+    of_hue = 0.0
+    for i in range(n):
+        for k in range(-2, 3):
+            row, into = rows[_mirrored(i + k, n)], total[i]
+            for j in range(len(row)):  # several at once
+                into[j] += row[j]
+        along, brightness = 0.0, 0.0
         for c in range(channels):
             within, outer = 0.0, 0.0
             for j in range(6):
-                within += mean[1 + j, c]
-                outer += mean[14 + j, c]
-            inner[c], way[c] = within / 6, (outer - within) / 6
-            square += way[c] ** 2
-        taken, least = 0.0, max(square, 25e-6)
+                within += total[i, (1 + j) * channels + c]
+                outer += total[i, (14 + j) * channels + c]
+            inner[i, c], way[i, c] = within / 6, (outer - within) / 6
+            along += way[i, c] * inner[i, c]
+            brightness += inner[i, c] ** 2
+        for c in range(channels):
+            hue[i, c] = way[i, c] - along / max(brightness, 25e-6) * inner[i, c]
+            far[i] += way[i, c] ** 2
+            of_hue += hue[i, c] ** 2
+    by_hue = of_hue > least_hue * far.sum()
+    if by_hue:
+        way = hue
+    for i in range(n):
+        square, taken = 0.0, 0.0
+        for c in range(channels):
+            square += way[i, c] ** 2
         for j in range(wide):
             share = 0.0
             for c in range(channels):
-                share += (mean[j, c] - inner[c]) * way[c]
-            taken += min(max(share / least, 0.0), 1.0)
-        shift[i], far[i] = (10.5 - taken) * step, sqrt(square) / 5
-    return shift, far
+                share += (total[i, j * channels + c] - inner[i, c]) * way[i, c]
+            taken += min(max(share / max(square, 25e-6), 0.0), 1.0)
+        shift[i], far[i] = (10.5 - taken) * step, sqrt(far[i]) / 5
+    return shift, far, by_hue
+
+
+@compiled
+def held(total, ends, reaches, short, begin, step):  # type: ignore[no-untyped-def]
+    """As `reference.held`."""
+    n, m = total.shape
+    before = np.zeros((len(ends), len(reaches)))
+    for i in range(len(ends)):
+        for kind in range(len(reaches)):
+            for j in range(m):
+                place = (ends[i] - reaches[kind] * short[j] - begin) / step
+                place = min(max(place, 0.0), n - 1.0)
+                row = min(int(place), n - 2)
+                share = place - row
+                before[i, kind] += (1 - share) * total[row, j] + share * total[row + 1, j]
+    return before
 
 
 @compiled

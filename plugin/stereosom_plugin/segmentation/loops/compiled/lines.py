@@ -71,6 +71,22 @@ def medians(values):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def middles(values, size):  # type: ignore[no-untyped-def]
+    """As `reference.middles`."""
+    n, reach = len(values), size // 2
+    found, some = np.empty(n), np.empty(size)
+    for i in range(n):
+        for k in range(size):
+            value, at = values[min(max(i + k - reach, 0), n - 1)], k
+            while at > 0 and some[at - 1] > value:
+                some[at] = some[at - 1]
+                at -= 1
+            some[at] = value
+        found[i] = some[reach]
+    return found
+
+
+@compiled
 def _about_the_middle(row, some):  # type: ignore[no-untyped-def]
     """Pick values about the middle of a row into `some`: how many lie below, and are picked."""
     step = len(row) // SAMPLED

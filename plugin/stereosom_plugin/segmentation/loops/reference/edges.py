@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from stereosom.arrays import Booleans, Floats
+from stereosom.arrays import Booleans, Floats, Integers
 
 
 def weighted(values: Floats, weights: Floats, bell: Floats, more: float) -> Floats:
@@ -32,26 +32,87 @@ def weighted(values: Floats, weights: Floats, bell: Floats, more: float) -> Floa
     return np.asarray(over[:, : values.shape[1]] / (over[:, values.shape[1] :] + more))
 
 
-def half_way(profile: Any, step: float) -> tuple[Floats, Floats]:
-    """Where colors have gone half the way from inside to outside, (n,) px, and how far they go.
-
-    The area under the rise tells it: less noisy than where it crosses. Five rows are taken
-    together.
+def most_gain(gain: Any, first: Integers, reach: int) -> Integers:
+    """How many columns to the left and right of `first` hold most of the gain, (2, n).
 
     Parameters
     ----------
-    profile : (n, 21, channels) array of uint8
+    gain : (n, m) array
+        Five rows are taken together; beyond the first and last column it goes on as there.
+    first : (n,) array
+        The column of each row from which on it is summed up, the next one first.
+    reach : int
+        So many columns are looked at.
+    """
+    smooth = ndimage.uniform_filter1d(gain, 5, axis=0)
+    away = np.arange(1, reach + 1)
+    found = []
+    for side in (-1, 1):
+        column = np.clip(first[:, None] + side * away, 0, gain.shape[1] - 1)
+        total = np.cumsum(np.take_along_axis(smooth, column, axis=1), axis=1)
+        found.append(away[total.argmax(axis=1)])
+    return np.stack(found)
+
+
+def half_way(profile: Any, step: float, least_hue: float) -> tuple[Floats, Floats, bool]:
+    """Where colors have gone half the way from inside to outside, (n,) px, and how far they go.
+
+    The area under the rise tells it: less noisy than where it crosses. Five rows are taken
+    together. A round body darkens towards its edges, and less where it is lit from there: where
+    what is behind has another hue, only the way across the body's own color is looked at, in
+    which its shades are all alike.
+
+    Parameters
+    ----------
+    profile : (n, 21, channels) array of float32
         Colors across an edge, from inside to outside, at a step of so many px.
     step : float
+    least_hue : float
+        Share of the squared way that is one of hue, where it is looked at.
+
+    Returns
+    -------
+    shift, far : (n,) array
+    hue : bool
+        Whether it was.
     """
-    mean = ndimage.uniform_filter1d(profile.astype(np.float32), 5, axis=0)
+    mean = ndimage.uniform_filter1d(profile, 5, axis=0)
     inner, outer = mean[:, 1:7].mean(axis=1), mean[:, 14:20].mean(axis=1)
     way = outer - inner
+    brightness = (inner**2).sum(axis=1, keepdims=True)
+    far = np.sqrt((way**2).sum(axis=1))
+    hue = way - (way * inner).sum(axis=1, keepdims=True) / np.maximum(brightness, 1e-6) * inner
+    of_hue = bool((hue**2).sum() > least_hue * (way**2).sum())
+    if of_hue:
+        way = hue
     square = (way**2).sum(axis=1)
     share = np.einsum("rck,rk->rc", mean - inner[:, None], way)
     share /= np.maximum(square, 1e-6)[:, None]
     shift = (10.5 - np.clip(share, 0, 1).sum(axis=1)) * step
-    return shift.astype(float), np.sqrt(square).astype(float)
+    return shift.astype(float), far.astype(float), of_hue
+
+
+def held(
+    total: Floats, ends: Floats, reaches: Floats, short: Floats, begin: float, step: float
+) -> Floats:
+    """What lies before each of some ends, (ends, kinds), in all columns.
+
+    Parameters
+    ----------
+    total : (n, m) array
+        What lies in each of m columns before places from `begin` on, at a step.
+    ends : (k,) array
+        Where an end reaches farthest.
+    reaches, short : (kinds,), (m,) array
+        An end of a kind falls short of that by the product of both.
+    begin, step : float
+    """
+    at = ends[:, None, None] - reaches[:, None] * short
+    place = begin + step * np.arange(len(total))
+    before = np.zeros(at.shape[:2])
+    for column in range(total.shape[1]):
+        before += np.interp(at[..., column], place, total[:, column])
+    return before
 
 
 def fill(drawn: Booleans, outline: Floats) -> None:

@@ -44,6 +44,11 @@ def medians(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.asarray((parted[:, low] + parted[:, high]) / 2)
 
 
+def middles(values: Floats, size: int) -> Floats:
+    """Median (n,) of an odd number of values about each; beyond the ends, all are as there."""
+    return np.asarray(ndimage.median_filter(values, size, mode="nearest"))
+
+
 def best_way(score: npt.NDArray[Any], price: Floats) -> Integers:
     """As `way.best_way`."""
     count, wide = score.shape
