@@ -171,8 +171,8 @@ class Backbone:
 
         Much faster than `sample`, which is exact.
         """
-        basis = _even_basis(self.knots.tobytes(), self.degree, 2 * count + 1)
-        points = basis @ self.coefficients
+        first, last = self.knots[self.degree], self.knots[-self.degree - 1]
+        points = np.asarray(self._spline(np.linspace(first, last, 2 * count + 1)))
         found: Floats = kernels().evenly(points, kernels().reach_along(points), count)
         return found
 
@@ -275,14 +275,6 @@ def _checked_knots(knots: bytes, count: int, degree: int) -> Floats:
     if np.any(checked[1:] < checked[:-1]) or checked[degree] >= checked[-degree - 1]:
         raise ValueError("backbone: the knots must not decrease and must span something")
     return checked
-
-
-@lru_cache(maxsize=8)
-def _even_basis(knots: bytes, degree: int, count: int) -> Floats:
-    """A spline's basis (count, m) at even steps of its parameter: a run's curves share it."""
-    at = np.frombuffer(knots)
-    even = np.linspace(at[degree], at[-degree - 1], count)
-    return np.asarray(BSpline.design_matrix(even, at, degree).toarray())
 
 
 def _by_chord_length(points: Floats) -> tuple[Floats, Floats]:

@@ -135,7 +135,7 @@ class TubeSearch:
             rough = follow(curve, gates=gates, settled_px=_NEAR_PX, edges=fewer)
             curve, gates = rough.backbone.polyline(_SAMPLES), ON_TRACK
         fit = follow(curve, gates=gates, settled_px=_FOLLOWED_PX)
-        if not close:
+        if not close and not _misses(fit):
             fit = nearer_or_farther(self.seen.rig, fit, self.edges, self._fit, _FOLLOWED_PX)
         if _as_good(fit, tried):
             return fit, tried
