@@ -286,3 +286,40 @@ def test_rounded_ends_are_found_once_in_a_run(monkeypatch):
         assert result.backbone.length == pytest.approx(shape.length, abs=0.3)
     assert per_frame[0] > 0
     assert per_frame[1:] == [0, 0, 0, 0, 0]
+
+
+def test_what_went_astray_is_searched_for_in_the_whole_picture_first(monkeypatch):
+    rig, order = converging_rig(60), []
+    anywhere, ends = search.TubeSearch.anywhere, search.with_better_ends
+    monkeypatch.setattr(
+        search.TubeSearch, "anywhere", lambda *a: order.append("anywhere") or anywhere(*a)
+    )
+    monkeypatch.setattr(search, "with_better_ends", lambda *a: order.append("ends") or ends(*a))
+    shape = growing_helix(200, 110, 1.0)
+    moved = shape.transformed(np.eye(3), [25.0, 0, 10])
+    run = [observe(one, 1.5, rig, time=k / 30) for k, one in enumerate((shape, moved))]
+    first, second = track(run)
+    assert curve_errors(second.backbone, moved).maximum < 1.0
+    # The first frame's own search, and then that of the second before its ends are asked.
+    assert order[:3] == ["anywhere", "ends", "anywhere"]
+    # Still, it need not be looked for at all where it moves a little.
+    order.clear()
+    near = shape.transformed(np.eye(3), [0.5, 0, 0])
+    list(track([run[0], observe(near, 1.5, rig, time=1 / 30)]))
+    assert order.count("anywhere") == 1
+
+
+def test_a_wide_device_is_followed_by_some_of_its_edges_to_where_all_lead(monkeypatch):
+    rig = converging_rig(60)
+    shapes = [growing_helix(200 + 0.5 * k, 110, 1.0) for k in range(2)]
+    run = [observe(shape, 3.2, rig, time=k / 30) for k, shape in enumerate(shapes)]
+    _, all_of_them = track(run)
+    monkeypatch.setattr(search, "_ENOUGH", 150)
+    numbers, fit_tube = [], search.fit_tube
+    monkeypatch.setattr(
+        search, "fit_tube", lambda *a, **k: numbers.append(len(a[1][0])) or fit_tube(*a, **k)
+    )
+    _, some = track(run)
+    assert min(numbers) < 400 < max(numbers)
+    apart = some.backbone.sample(50) - all_of_them.backbone.sample(50)
+    assert np.linalg.norm(apart, axis=1).max() < 0.03
