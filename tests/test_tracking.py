@@ -298,7 +298,7 @@ def test_what_went_astray_is_searched_for_in_the_whole_picture_first(monkeypatch
     shape = growing_helix(200, 110, 1.0)
     moved = shape.transformed(np.eye(3), [25.0, 0, 10])
     run = [observe(one, 1.5, rig, time=k / 30) for k, one in enumerate((shape, moved))]
-    first, second = track(run)
+    _, second = track(run)
     assert curve_errors(second.backbone, moved).maximum < 1.0
     # The first frame's own search, and then that of the second before its ends are asked.
     assert order[:3] == ["anywhere", "ends", "anywhere"]

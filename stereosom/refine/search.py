@@ -121,42 +121,48 @@ class TubeSearch:
         the next frame need not try.
         """
         curve = start.polyline(_SAMPLES)
-        radius, half_width = _radius_by_area(self.seen, curve)
-        # A device that is wide in the picture moves farther.
-        gates = (half_width, *ON_TRACK) if half_width > ON_TRACK[0] else ON_TRACK
         rounded = tried.round_ends if tried else _NEITHER
-        capped = self._capped(curve, radius, rounded)
-        close = eyes_alike(self.seen.rig)
-        follow = partial(self._fit, radius=radius, capped=capped, free_in_depth=close)
-        expected, many = curve, max(len(edges) for edges in self.edges)
-        if many > 2 * _ENOUGH:  # some of them lead near enough to the rest
-            some = slice(None, None, many // _ENOUGH)
-            fewer = (self.edges[0].where(some), self.edges[1].where(some))
-            rough = follow(curve, gates=gates, settled_px=_NEAR_PX, edges=fewer)
-            curve, gates = rough.backbone.polyline(_SAMPLES), ON_TRACK
-        fit = follow(curve, gates=gates, settled_px=_FOLLOWED_PX)
-        if not close and not _misses(fit):
+        fit = self._followed(curve, rounded)
+        if not eyes_alike(self.seen.rig) and not _misses(fit):
             fit = nearer_or_farther(self.seen.rig, fit, self.edges, self._fit, _FOLLOWED_PX)
         if _as_good(fit, tried):
             return fit, tried
         odd = fit.odd_ends
-        other: TubeFit | None
         if not fit.ends_seen and not _misses(fit):  # near, but for an end
             with suppress(HardFrame):
-                other = self._fit(fit.tube.curve, radius, FROM_NEAR, capped=capped)
-                fit = min(fit, other, key=_cost)
+                again = self._fit(fit.tube.curve, fit.radius, FROM_NEAR, capped=fit.tube.capped)
+                fit = min(fit, again, key=_cost)
             if _as_good(fit, tried):
                 return fit, tried
         other = None
         # An end that is seen, and odd all the same, is so anywhere.
         if _misses(fit) or not fit.ends_seen:
             with suppress(HardFrame):
-                other = self.anywhere(expected, rounded)
+                other = self.anywhere(curve, rounded)
         if other is None or other.cost >= _BETTER * fit.cost:
             fit = with_better_ends(self.seen.rig, fit, self.edges, self._fit)
         if other is not None and other.cost < _BETTER * fit.cost:
             fit = other
         return fit, what_was_tried(fit, odd)
+
+    def _followed(self, curve: Floats, rounded: tuple[bool, bool]) -> TubeFit:
+        """Fit from a curve (n, 3) near by, from some of the edges first where there are many."""
+        radius, half_width = _radius_by_area(self.seen, curve)
+        # A device that is wide in the picture moves farther.
+        gates = (half_width, *ON_TRACK) if half_width > ON_TRACK[0] else ON_TRACK
+        follow = partial(
+            self._fit,
+            radius=radius,
+            capped=self._capped(curve, radius, rounded),
+            free_in_depth=eyes_alike(self.seen.rig),
+        )
+        many = max(len(edges) for edges in self.edges)
+        if many > 2 * _ENOUGH:
+            some = slice(None, None, many // _ENOUGH)
+            fewer = (self.edges[0].where(some), self.edges[1].where(some))
+            rough = follow(curve, gates=gates, settled_px=_NEAR_PX, edges=fewer)
+            curve, gates = rough.backbone.polyline(_SAMPLES), ON_TRACK
+        return follow(curve, gates=gates, settled_px=_FOLLOWED_PX)
 
     def _fit(
         self,
