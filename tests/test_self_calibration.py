@@ -9,13 +9,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.signal import find_peaks
 
 from stereosom.backbone import Backbone
 from stereosom.camera import Camera, StereoRig
 from stereosom.reconstruction import HardFrame
 from stereosom.self_calibration import RigUncertainty, agreement, refine_rig
-from stereosom.self_calibration.places import peaks
 from stereosom.synthetic import observe, silhouette
 
 SIZE = (512, 512)
@@ -214,13 +212,3 @@ def test_nothing_is_changed_that_is_known_for_sure():
     found = refine_rig(under(WRONG["all"]), uncertainty=sure)
     np.testing.assert_allclose(found.rig.a.projection, WRONG["all"].a.projection, atol=1e-2)
     assert found.epipolar_error_after == pytest.approx(found.epipolar_error_before, rel=1e-3)
-
-
-def test_peaks_are_those_of_scipy():
-    rng = np.random.default_rng(0)
-    for count in (3, 10, 100):
-        for _ in range(200):
-            height = np.round(np.cumsum(rng.normal(size=count)), rng.integers(0, 3))
-            for prominence in (0.5, 2.0):
-                expected = find_peaks(height, prominence=prominence)[0]
-                assert peaks(height, prominence).tolist() == expected.tolist()

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from ..arrays import Booleans, Floats, Integers
 from ..camera import StereoRig
@@ -117,7 +118,9 @@ def _unfolded(j: int, k: int, height_a: Floats, height_b: Floats) -> tuple[int, 
 
 def _last_turn(height: Floats, end: int) -> tuple[int | None, bool]:
     """The turning point nearest to an end, and whether the line rises from there to the end."""
-    turns = np.concatenate([peaks(sign * height, _PROMINENCE) for sign in (1, -1)])
+    turns = np.concatenate(
+        [find_peaks(sign * height, prominence=_PROMINENCE)[0] for sign in (1, -1)]
+    )
     if len(turns) == 0:
         other = len(height) - 1 - end
         return None, bool(height[end] > height[other])
@@ -129,36 +132,15 @@ def _touching(a: Line, b: Line, height_a: Floats, height_b: Floats) -> list[tupl
     """Pairs of places where the curve turns back from an epipolar plane: nearest, both ways."""
     pairs = []
     for sign in (1, -1):
-        in_a, in_b = (peaks(sign * height, _PROMINENCE) for height in (height_a, height_b))
+        in_a, in_b = (
+            find_peaks(sign * height, prominence=_PROMINENCE)[0] for height in (height_a, height_b)
+        )
         if len(in_a) and len(in_b):
             apart = np.abs(height_a[in_a, None] - height_b[in_b])
             for j, k in enumerate(apart.argmin(axis=1)):
                 if apart[:, k].argmin() == j:
                     pairs.append((int(in_a[j]), int(in_b[k])))
     return pairs
-
-
-def peaks(height: Floats, prominence: float) -> Integers:
-    """Places of maxima that lie so much above the ground between them and what is higher.
-
-    As `scipy.signal.find_peaks`, which takes half a second to import.
-
-    Examples
-    --------
-    >>> peaks(np.array([0.0, 3, 2, 5, 5, 5, 1, 1.5, 0]), prominence=1)
-    array([1, 4])
-    """
-    changes = np.flatnonzero(np.diff(height))
-    first, last = np.append(0, changes + 1), np.append(changes, len(height) - 1)
-    level = height[first]
-    found = []
-    for k in np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:])) + 1:
-        higher = np.flatnonzero(level > level[k])
-        start = higher[higher < k].max(initial=-1) + 1
-        stop = higher[higher > k].min(initial=len(level))
-        if level[k] - max(level[start:k].min(), level[k + 1 : stop].min()) >= prominence:
-            found.append((first[k] + last[k]) // 2)
-    return np.array(found, dtype=np.intp)
 
 
 def _epipolar_terms(rigs: list[StereoRig], places: Places) -> tuple[Floats, Floats, Floats]:

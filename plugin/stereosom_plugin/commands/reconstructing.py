@@ -16,7 +16,6 @@ from stereosom.stereo_som import StereoSomOptions
 from ..acquisition import Acquisition
 from ..centerline import read_vtp
 from ..errors import InputError, require
-from ..geometry_check import GeometryCheck
 from ..output import OutputFolder, Row, centerline_path
 from ..polydata import generator
 from ..run import Sampling, describe_inputs, reconstruct_run
@@ -38,6 +37,8 @@ def reconstruct_and_report(
 
     Where `check_geometry` is set, a warning is printed if the views disagree about the device.
     """
+    from ..geometry_check import GeometryCheck  # scipy.signal: a second that others can do without
+
     for note in acquisition.notes:
         print(f"stereosom: note: {note}", file=sys.stderr)
     frames = _frames(arguments.frames, len(acquisition))
