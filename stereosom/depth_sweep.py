@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from .arrays import Booleans, Floats
 from .camera import StereoRig
-from .entering import in_polygon
+from .polygons import in_polygon
 from .reconstruction import HardFrame
 
 # Depths that are tried, in baselines, and how many of the best are gone on with.

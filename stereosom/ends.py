@@ -11,9 +11,9 @@ from scipy.spatial import cKDTree
 
 from .arrays import Booleans, Floats
 from .camera import StereoRig, triangulate
-from .entering import clipped
 from .observation import Kind, Observation, View
 from .options import Options
+from .polygons import clipped
 from .reconstruction import HardFrame
 
 # A pixel is at the border of its view where no other pixel fits between.

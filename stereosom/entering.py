@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -11,6 +10,7 @@ from scipy.spatial import cKDTree
 from .arrays import Booleans, Floats, Integers
 from .camera import StereoRig
 from .observation import Observation
+from .polygons import clipped, in_polygon
 
 # Eyes that look the same way, within this, see a device run the same way.
 _ALIKE_DEG = 15.0
@@ -97,45 +97,6 @@ def _nearest(tree: cKDTree, pixels: Floats) -> Integers:
     _, first, of = np.unique(numbers, return_index=True, return_inverse=True)
     nearest = np.asarray(tree.query((cell[first] + 0.5) * _CELL_PX)[1])
     return np.asarray(nearest[of])
-
-
-def in_polygon(corners: Floats, pixels: Any) -> Booleans:
-    """Whether pixels (n, 2) lie in a convex polygon (m, 2)."""
-    return np.asarray(inside_by(corners, pixels) >= 0)
-
-
-def inside_by(corners: Floats, pixels: Any) -> Floats:
-    """How far pixels (n, 2) lie inside the nearest side of a convex polygon (m, 2), (n,).
-
-    Negative where they lie outside of one.
-
-    Examples
-    --------
-    >>> square = np.array([[0.0, 0], [10, 0], [10, 10], [0, 10]])
-    >>> inside_by(square, np.array([[2.0, 5], [13, 5]]))
-    array([ 2., -3.])
-    """
-    to = corners[[*range(1, len(corners)), 0]]
-    sides = to - corners
-    around = np.sum(corners[:, 0] * to[:, 1] - corners[:, 1] * to[:, 0])
-    offset = pixels[:, None] - corners
-    turn = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
-    inward = turn / (np.maximum(np.hypot(*sides.T), 1e-12) * (1 if around >= 0 else -1))
-    return np.asarray(inward.min(axis=1))
-
-
-def clipped(corners: Floats, line: Floats) -> Floats:
-    """The part of a convex polygon (m, 2) where line·(x, y, 1) is not negative."""
-    height = corners @ line[:2] + line[2]
-    kept: list[Floats] = []
-    for i in range(len(corners)):
-        j = (i + 1) % len(corners)
-        if height[i] >= 0:
-            kept.append(corners[i])
-        if (height[i] >= 0) != (height[j] >= 0):
-            share = height[i] / (height[i] - height[j])
-            kept.append(corners[i] + share * (corners[j] - corners[i]))
-    return np.array(kept)
 
 
 def _gone_on(curve: Floats) -> Floats:

@@ -14,9 +14,10 @@ from .assessment import MOST_STRAY, MOST_UNSEEN
 from .backbone import Backbone
 from .camera import Camera
 from .ends import trim_to_shared_stretch
-from .entering import eyes_alike, inside_by, trim_along
+from .entering import eyes_alike, trim_along
 from .observation import Observation, View
 from .options import Options, check_whole
+from .polygons import inside_by
 from .reconstruction import HardFrame, Reconstruction
 from .refine.fit import TubeFit
 from .refine.kernels import kernels

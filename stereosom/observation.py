@@ -10,6 +10,7 @@ import numpy as np
 
 from .arrays import Booleans, Floats, Integers, check_array
 from .camera import Camera, StereoRig
+from .polygons import inside_by
 
 Kind = Literal["filled", "edges"]
 View = Literal["a", "b"]
@@ -115,17 +116,12 @@ class Observation:
         return cls(pixels[0], pixels[1], rig, **described)
 
     def distance_to_border(self, view: View, pixels: Any) -> Floats:
-        """Distance of (n, 2) pixels to the border of a view's field, (n,), px."""
+        """How far (n, 2) pixels lie inside the border of a view's field, (n,), px."""
         assert self.field_of_view is not None  # filled in when made
-        corners = self.field_of_view["ab".index(view)][:, None]
-        sides = _sides(corners)
-        away = np.asarray(pixels, dtype=float) - corners
-        share = np.sum(away * sides, axis=2) / np.maximum(np.sum(sides**2, axis=2), 1e-12)
-        away -= np.clip(share, 0, 1)[:, :, None] * sides
-        return np.asarray(np.sqrt(np.sum(away**2, axis=2).min(axis=0)))
+        return inside_by(self.field_of_view["ab".index(view)], pixels)
 
     def at_border(self, view: View, pixels: Any, within: float) -> Booleans:
-        """Whether (n, 2) pixels inside a view's field lie no farther from its border, (n,), px.
+        """Whether (n, 2) pixels lie no farther inside the border of a view's field, (n,), px.
 
         Parameters
         ----------
@@ -137,40 +133,23 @@ class Observation:
         """
         if self._clearance["ab".index(view)] > within + 0.5:
             return np.zeros(len(pixels), dtype=bool)
-        # Few pixels are so near to the lines that the sides lie on: of them, the sides are asked.
-        assert self.field_of_view is not None
-        corners = self.field_of_view["ab".index(view)]
-        normals = _sides(corners)[:, ::-1] * [-1, 1]
-        normals /= np.maximum(np.sqrt(np.sum(normals**2, axis=1)), 1e-12)[:, None]
-        offset = normals @ np.asarray(pixels).T - np.sum(normals * corners, axis=1)[:, None]
-        found = np.asarray(np.abs(offset).min(axis=0) < within + 1e-6)
-        found[found] = self.distance_to_border(view, pixels[found]) <= within
-        return found
+        return np.asarray(self.distance_to_border(view, pixels) <= within)
 
     @cached_property
     def _clearance(self) -> tuple[float, float]:
         """How far the box around the device's pixels stays inside of each view's field, px."""
-        clearances = []
-        assert self.field_of_view is not None
-        for pixels, corners in zip((self.pixels_a, self.pixels_b), self.field_of_view, strict=True):
-            if len(pixels) == 0:
-                clearances.append(np.inf)
-                continue
-            # A field is convex: what lies between pixels is as far from the border as they are.
-            x, y = pixels.T  # a minimum over each takes a tenth of that over both
-            left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
-            box = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
-            sides = _sides(corners)
-            offset = box[:, None] - corners
-            inward = sides[:, 0] * offset[:, :, 1] - sides[:, 1] * offset[:, :, 0]
-            inward /= np.maximum(np.sqrt(np.sum(sides**2, axis=1)), 1e-12)
-            clearances.append(float(max(inward.min(), -inward.max())))
-        return clearances[0], clearances[1]
+        views: tuple[tuple[View, Floats], ...] = (("a", self.pixels_a), ("b", self.pixels_b))
+        in_a, in_b = (self._clear_by(*view) for view in views)
+        return in_a, in_b
 
-
-def _sides(corners: Floats) -> Floats:
-    """From each corner (n, 2) to the next."""
-    return corners[[*range(1, len(corners)), 0]] - corners
+    def _clear_by(self, view: View, pixels: Floats) -> float:
+        if len(pixels) == 0:
+            return np.inf
+        # A field is convex: what lies between pixels is as far from the border as they are.
+        x, y = pixels.T  # a minimum over each takes a tenth of that over both
+        left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
+        box = [[left, top], [right, top], [right, bottom], [left, bottom]]
+        return float(self.distance_to_border(view, box).min())
 
 
 def picture_border(camera: Camera) -> Floats:

@@ -2,6 +2,7 @@ import pickle
 
 import numpy as np
 import pytest
+from skimage.measure import points_in_poly
 
 from stereosom.observation import Observation
 from stereosom.synthetic import converging_rig
@@ -47,16 +48,29 @@ def test_the_field_of_view_is_the_picture_unless_given():
     assert distance == pytest.approx([0.5, 383.5, 0.5])  # pixels are half a pixel from the edge
 
 
-@pytest.mark.parametrize("within", [0.0, 1.5, 40.0])
-def test_pixels_at_the_border_are_those_no_farther_from_it(within):
-    shutter = [[100, 80], [700, 60], [900, 400], [620, 700], [90, 500]]
+def segment_distance(pixels, start, end):
+    """To a side and no farther than its ends."""
+    share = np.clip((pixels - start) @ (end - start) / np.sum((end - start) ** 2), 0, 1)
+    return np.linalg.norm(pixels - start - share[:, None] * (end - start), axis=1)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("within", [0.5, 1.5, 40.0])
+def test_pixels_at_the_border_are_those_no_farther_from_it(within, order):
+    shutter = np.array([[100.0, 80], [700, 60], [900, 400], [620, 700], [90, 500]])[::order]
     row, column = np.indices((768, 1024)).reshape(2, -1)[:, ::37]
     pixels = np.column_stack([column, row]).astype(float)
-    pixels = np.concatenate([pixels, shutter])
-    seen = Observation(pixels, pixels[:1], RIG, field_of_view=(shutter, shutter))
-    near = seen.at_border("a", pixels, within)
-    assert near.any()
-    assert np.array_equal(near, seen.distance_to_border("a", pixels) <= within)
+    sides = list(zip(shutter, np.roll(shutter, -1, axis=0), strict=True))
+    pixels = pixels[points_in_poly(pixels, shutter)]
+    nearest = np.min([segment_distance(pixels, *side) for side in sides], axis=0)
+    twice = np.repeat(shutter, 2, axis=0)  # corners that coincide make no side
+    for field in (shutter, twice):
+        seen = Observation(pixels, pixels[:1], RIG, field_of_view=(field, field))
+        assert seen.distance_to_border("a", pixels) == pytest.approx(nearest, abs=1e-9)
+        near = seen.at_border("a", pixels, within)
+        assert near.any()
+        assert not near.all()
+        assert np.array_equal(near, nearest <= within)
 
 
 @pytest.mark.parametrize(
