@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from stereosom.refine.contour import Contour, mask_contour
 from stereosom.refine.end_piece import EndPiece
 from stereosom.refine.fit import TubeFit, _ends_shown, fit_tube
 from stereosom.refine.look import Look, Tube
-from stereosom.refine.odd_ends import _bending
+from stereosom.refine.odd_ends import _ball, _bending
 from stereosom.refine.reach import mirrored_in_depth, seen_stretch
 from stereosom.refine.spline import spline_basis
 from stereosom.synthetic import arc, converging_rig, observe
@@ -297,6 +298,27 @@ def test_bends_count_by_their_squared_curvature():
     assert _bending(Tube.of(BASIS, control, 2.0, (FLAT, FLAT))) == pytest.approx(
         2 / 40**2 * 20 * np.pi, rel=0.02
     )
+
+
+@pytest.mark.parametrize(("bent", "better", "rounded"), [
+    (0.0, 0.0, False), (0.0, 6.0, True), (0.8, 0.0, True), (0.8, -20.0, False),
+])  # fmt: skip
+def test_of_two_ends_that_fit_alike_the_one_that_need_not_bend_is_likelier(bent, better, rounded):
+    # The flat one turns by so much, rad, over its last eighth; noise of 1 px².
+    z = np.linspace(0, 80, 100)
+    turn = bent * np.clip((z - 70) / 10, 0, 1) ** 2 / 2
+    line = np.column_stack([np.cumsum(np.sin(turn)) * 0.8, 0 * z, z])
+
+    def fit(start, shape, **_):
+        flat = shape == FLAT
+        control = BASIS.control_points(line if flat else line * [0, 0, 1])
+        tube = Tube.of(BASIS, control, 3.0, (FLAT, shape))
+        cost = 100.0 if flat else 100.0 - 2 * better
+        return SimpleNamespace(tube=tube, cost=cost, odd_ends=(False, False))
+
+    looks = [SimpleNamespace(noise_variance=1.0)] * 2
+    piece = SimpleNamespace(end=1, curve=line, fit=fit, whole=SimpleNamespace(looks=looks))
+    assert (_ball(piece, None) is not None) == rounded
 
 
 def test_edges_that_face_the_other_way_belong_nowhere():
