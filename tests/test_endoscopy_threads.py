@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from stereosom.middle_line.thinning import thin
+from stereosom.middle_line.reference import thin
 
 pytest.importorskip("cv2")
 pytest.importorskip("vtkmodules")

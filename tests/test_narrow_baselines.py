@@ -11,7 +11,7 @@ from stereosom.depth_sweep import sweep_depth, widths_along
 from stereosom.matching import match_lines, match_monotone
 from stereosom.metrics import closest_on_curve, curve_errors
 from stereosom.middle_line import middle_line
-from stereosom.middle_line.thinning import thin
+from stereosom.middle_line.reference import thin
 from stereosom.observation import picture_border
 from stereosom.refine.start import lift
 

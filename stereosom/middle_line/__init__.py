@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from ..arrays import Booleans, Floats
+from ..arrays import Floats
 from ..reconstruction import HardFrame
 from .centering import ALONG, to_ends, to_middle
 from .graph import polyline_length, prune, skeleton_chains
+from .kernels import kernels
 from .route import longest_route
-from .thinning import thin
 
 __all__ = ["MiddleLine", "middle_line"]
 
@@ -20,6 +20,8 @@ __all__ = ["MiddleLine", "middle_line"]
 _THIN_WIDTH = 5.0
 # Pieces smaller than this share of the largest are dirt.
 _SMALLEST_PIECE = 0.05
+# Holes of fewer of the thinned pixels are none.
+_LARGEST_HOLE = 4 * _THIN_WIDTH**2
 # Widths from point to point, and how many points there are at least and at most.
 _POINT_EVERY, _POINTS = 2.0, (120, 400)
 # A ragged mask of one device has some dozens; pruning takes the square of it.
@@ -73,9 +75,10 @@ def middle_line(pixels: Floats, count: int | None = None, *, centered: bool = Tr
     HardFrame
         Where the mask holds no line.
     """
-    mask, corner, factor = _small_mask(pixels)
-    mask = _fill_holes(_drop_dirt(mask), 4 * _THIN_WIDTH**2)
-    skeleton = thin(mask)
+    mask, *corner, factor = kernels().small_mask(pixels, _THIN_WIDTH)
+    mask = kernels().without_small(mask, True, _SMALLEST_PIECE, np.inf)
+    mask = kernels().without_small(mask, False, 1.0, _LARGEST_HOLE)
+    skeleton = kernels().thin(mask)
     width = float(mask.sum()) / max(float(skeleton.sum()), 1.0)
     chains = skeleton_chains(skeleton)
     if len(chains) > _MOST_BRANCHES:
@@ -93,42 +96,6 @@ def middle_line(pixels: Floats, count: int | None = None, *, centered: bool = Tr
     if centered:
         line = to_middle(line, filled, width)
     return MiddleLine(to_ends(line, filled, width), width)
-
-
-def _small_mask(pixels: Floats) -> tuple[Booleans, Floats, int]:
-    """The mask, cut out and made small, (rows, columns); its corner (x, y); the factor."""
-    x, y = pixels.T  # a minimum over each takes a tenth of that over both
-    corner = np.floor([x.min(), y.min()]) - 1
-    column, row = np.rint(x - corner[0]).astype(int), np.rint(y - corner[1]).astype(int)
-    mask = np.zeros((row.max() + 2, column.max() + 2), dtype=bool)
-    mask[row, column] = True
-    edges = np.count_nonzero(mask[1:] != mask[:-1]) + np.count_nonzero(mask[:, 1:] != mask[:, :-1])
-    # Steps along rows and columns are 4/π longer than the outline, on the mean over directions.
-    width = 2 * len(pixels) / max(edges * np.pi / 4, 1.0)
-    factor = max(1, int(width / _THIN_WIDTH))
-    if factor > 1:
-        rows, columns = (-(-length // factor) for length in mask.shape)
-        block = row // factor * columns + column // factor
-        filled = np.bincount(block, minlength=rows * columns).reshape(rows, columns)
-        mask = np.pad(filled > factor**2 / 2, 1)
-        corner = corner - factor
-    return mask, corner, factor
-
-
-def _drop_dirt(mask: Booleans) -> Booleans:
-    label, count = ndimage.label(mask, np.ones((3, 3)))
-    if count < 2:
-        return mask
-    size = np.bincount(label.ravel())
-    size[0] = 0
-    return np.asarray((size >= _SMALLEST_PIECE * size.max())[label])
-
-
-def _fill_holes(mask: Booleans, smaller_than: float) -> Booleans:
-    label, count = ndimage.label(~mask)
-    if count < 2:
-        return mask
-    return np.asarray(mask | (np.bincount(label.ravel()) < smaller_than)[label])
 
 
 def _smooth(points: Floats, count: int, sigma: float) -> Floats:

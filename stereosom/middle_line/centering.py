@@ -7,6 +7,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
 from ..arrays import Floats
+from .kernels import kernels
 
 # Pixels farther beside a line than so many widths, or px, belong to something else.
 _BESIDE, _BESIDE_PX = 0.9, 1.2
@@ -81,12 +82,11 @@ def to_ends(line: Floats, pixels: Floats, width: float) -> Floats:
     for end, inner in ((0, before), (-1, -1 - before)):
         heading = line[end] - line[inner]
         heading /= max(float(np.linalg.norm(heading)), 1e-9)
-        offset = pixels - line[end]
-        beyond = offset @ heading
-        beside = np.abs(offset @ [-heading[1], heading[0]]) <= 0.3 * width + 0.5
-        beside &= (beyond > -width) & (beyond < _HEADING * width)
-        if beside.any():
-            reached[end] += (beyond[beside].max() + 0.5) * heading
+        beyond = kernels().straight_on(
+            pixels, line[end], heading, 0.3 * width + 0.5, (-width, _HEADING * width)
+        )
+        if not np.isnan(beyond):
+            reached[end] += (beyond + 0.5) * heading
     return np.vstack([reached[:1], line, reached[1:]])
 
 

@@ -8,11 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Booleans, Floats, Integers
-
-# Steps to the neighbors of a pixel: (rows down, columns to the right).
-_STRAIGHT = ((-1, 0), (0, 1), (1, 0), (0, -1))
-_DIAGONAL = ((-1, -1), (-1, 1), (1, -1), (1, 1))
+from ..arrays import Booleans, Floats
+from .kernels import kernels
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,25 +42,12 @@ def skeleton_chains(skeleton: Booleans) -> list[Chain]:
     ----------
     skeleton : (rows, columns) array of bool
     """
-    pixels = np.argwhere(skeleton)
-    links = _links(pixels, skeleton.shape)
-    nodes = _nodes(links)
-    chains = []
-    used: set[tuple[int, int]] = set()
-    for pixel, node in nodes.items():
-        for first in links[pixel]:
-            if nodes.get(first) == node or (pixel, first) in used:
-                continue
-            way = [pixel, first]
-            while way[-1] not in nodes:
-                onward = [link for link in links[way[-1]] if link != way[-2]]
-                if not onward:
-                    break
-                way.append(onward[0])
-            used |= {(way[0], way[1]), (way[-1], way[-2])}
-            if way[-1] in nodes:
-                chains.append(Chain(node, nodes[way[-1]], pixels[way].astype(float)))
-    return chains
+    nodes, stops, pixels = kernels().trace(skeleton)
+    ways = np.split(pixels.astype(float), stops[:-1])
+    # Of no stops, splitting makes one empty way.
+    return [
+        Chain(start, stop, way) for (start, stop), way in zip(nodes.tolist(), ways, strict=False)
+    ]
 
 
 def prune(chains: list[Chain], shortest: float) -> list[Chain]:
@@ -97,42 +81,3 @@ def _join_one(chains: list[Chain], degree: Counter[int]) -> bool:
             chains.append(Chain(first.start, second.stop, pixels))
             return True
     return False
-
-
-def _links(pixels: Integers, shape: tuple[int, ...]) -> list[list[int]]:
-    """Neighbors of each pixel (n, 2); diagonal ones only where no straight way leads there."""
-    place = np.full((shape[0] + 2, shape[1] + 2), -1)
-    row, column = pixels.T + 1
-    place[row, column] = np.arange(len(pixels))
-    straight = [place[row + down, column + right] for down, right in _STRAIGHT]
-    diagonal = []
-    for down, right in _DIAGONAL:
-        beside = (place[row + down, column] >= 0) | (place[row, column + right] >= 0)
-        diagonal.append(np.where(beside, -1, place[row + down, column + right]))
-    near = np.stack(straight + diagonal, axis=1)
-    found = near >= 0
-    flat, stops = near[found].tolist(), np.cumsum(found.sum(axis=1)).tolist()
-    return [flat[start:stop] for start, stop in zip([0, *stops], stops, strict=False)]
-
-
-def _nodes(links: list[list[int]]) -> dict[int, int]:
-    """Node of each pixel that is an end or belongs to a crossing; others are not in it.
-
-    A ring without either gets a node anywhere, or its chain would begin nowhere.
-    """
-    nodes: dict[int, int] = {}
-    count = 0
-    for pixel, near in enumerate(links):
-        if len(near) == 2 or pixel in nodes:
-            continue
-        nodes[pixel] = count
-        waiting = [pixel] if len(near) > 2 else []
-        while waiting:
-            for link in links[waiting.pop()]:
-                if len(links[link]) > 2 and link not in nodes:
-                    nodes[link] = count
-                    waiting.append(link)
-        count += 1
-    if not nodes and links:
-        nodes[0] = 0
-    return nodes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Booleans
+from ...arrays import Booleans
 
 # The eight neighbors of a pixel, clockwise from the one above: (row, column).
 RING = ((-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1))
@@ -22,7 +22,7 @@ def _removable() -> tuple[Booleans, Booleans]:
     return first, second
 
 
-_REMOVABLE = _removable()
+REMOVABLE = _removable()
 
 
 def thin(mask: Booleans) -> Booleans:
@@ -47,7 +47,7 @@ def thin(mask: Booleans) -> Booleans:
     changed = True
     while changed:
         changed = False
-        for removable in _REMOVABLE:
+        for removable in REMOVABLE:
             code = np.zeros(len(left), dtype=np.uint8)
             for bit, offset in enumerate(offsets):
                 code |= flat[left + offset] << bit
