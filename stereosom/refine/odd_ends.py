@@ -33,6 +33,8 @@ _CLEAR = 1.5
 _TOLD = 0.99
 # An end is first fitted with so many passes, and then with so many more, up to such steps, px.
 _SOON, _LATE, _SETTLED_PX = 4, 12, 0.1
+# What costs so many times as much as the best after the first of them is given up.
+_HOPELESS = 3.0
 # Which way the end of a narrower device bends, of such a half width, is not told, px.
 _NARROW_PX = 2.0
 # A flat end is as large in the picture as half a ball from so many radii behind it: π / 4.
@@ -173,19 +175,24 @@ def _other_end(piece: EndPiece) -> TubeFit:
     begins = [(start, shape) for _, start in sorted(looked, key=lambda one: one[0])]
     if min(look.half_width for look in before.looks) > _SHAPE_PX:
         begins.insert(1, _other_shape(before.tube, end))
-    # Most of what goes right is seen to do so soon; the rest is fitted on only where nothing does.
+    # Most of what goes right is seen to do so soon; only where nothing does is the rest fitted on.
     for passes in (_SOON, _LATE):
         reached = []
         for start, begun in begins:
             with suppress(HardFrame):
                 other = piece.fit(start, begun, passes=passes, settled_px=_SETTLED_PX)
-                reached.append((other.tube.curve, begun))
+                reached.append(other)
                 # Another shape must fit better, and leave nothing odd.
                 if begun == shape or (other.cost < best.cost and not other.odd_ends[end]):
                     best = min(best, other, key=_price)
             if not best.end_is_odd(end, _CLEAR):
                 return best
-        begins = reached
+        reached.sort(key=_price)
+        begins = [
+            (other.tube.curve, other.tube.capped[end])
+            for other in reached
+            if _price(other) < _HOPELESS * _price(reached[0])
+        ]
     return best
 
 
