@@ -67,6 +67,8 @@ class TubeFit:
         What the views show of it.
     radius_known : bool
         Whether the radius was given.
+    settled : bool
+        Whether the last step was a small one.
     """
 
     backbone: Backbone
@@ -74,6 +76,7 @@ class TubeFit:
     tube: Tube
     looks: tuple[Look, Look]
     radius_known: bool
+    settled: bool
 
     @cached_property
     def covariance(self) -> Floats:
@@ -175,6 +178,7 @@ def fit_tube(
     widest = max(_WIDEST_GATE * 2 * radius / pixel_mm, _PLACING)
     gates = [min(gate, widest) for gate in gates]
     shown = (capped, capped)
+    settled = False
     if passes == 0:
         tube = Tube.of(basis, control, radius, capped)
         looks = _looks(rig, contours, tube, None, shown)
@@ -213,9 +217,10 @@ def fit_tube(
             )
         moved *= min(1.0, (gate or _FARTHEST_PX) / max(longest, 1e-12))
         control, radius = control + moved, max(radius + grown, 1e-3)
-        if gate is None and farthest_px < settled_px:
+        settled = gate is None and farthest_px < settled_px
+        if settled:
             break
-    return TubeFit(basis.backbone(control), radius, tube, looks, radius_known)
+    return TubeFit(basis.backbone(control), radius, tube, looks, radius_known, settled)
 
 
 _Ends = tuple[int, int]

@@ -16,7 +16,7 @@ from ..entering import eyes_alike
 from ..observation import Observation, View
 from ..reconstruction import HardFrame, Tried
 from .contour import Contour, mask_contour
-from .fit import FROM_AFAR, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
+from .fit import AS_BEGUN, FROM_AFAR, FROM_NEAR, ON_TRACK, TubeFit, fit_tube
 from .kernels import kernels
 from .odd_ends import nearer_or_farther, with_better_ends
 from .reference import FLAT, OPEN, ROUND
@@ -26,6 +26,8 @@ from .start import first_curve, matched_curve
 _SAMPLES = 121
 # Pixels of a mask this near to the border of the view are cut off there, and show no edge, px.
 _CUT_OFF = 2.5
+# A fit that takes more passes than this does so for an end that is not as it seems.
+_SOON = 11
 # Where steps get smaller than this, px, the fit of a device that is followed ends.
 _FOLLOWED_PX = 0.15
 # A device with more edges in a view than twice so many is first followed by some, to such steps.
@@ -97,13 +99,14 @@ class TubeSearch:
         begins = [(first_curve, FROM_NEAR), (first_curve, FROM_AFAR)]
         if not close:
             begins = [(matched_curve, FROM_AFAR), (first_curve, FROM_NEAR)]
+        passes = {} if close else {"passes": _SOON}
         for begin, gates in begins:
             try:
                 curve, radius = begin(self.seen)
                 if expected is not None and _runs_backwards(curve, expected):
                     curve = curve[::-1]
                 capped = self._capped(curve, radius, rounded)
-                fits.append(self._fit(curve, radius, gates, capped=capped))
+                fits.append(self._fit(curve, radius, gates, capped=capped, **passes))
             except HardFrame as error:
                 refused = error
                 continue
@@ -111,7 +114,12 @@ class TubeSearch:
                 break
         if not fits:
             raise refused or HardFrame("the two views do not show the same device")
-        return with_better_ends(self.seen.rig, min(fits, key=_cost), self.edges, self._fit)
+        best = min(fits, key=_cost)
+        better = with_better_ends(self.seen.rig, best, self.edges, self._fit)
+        if better is best and not best.settled:
+            with suppress(HardFrame):
+                better = self._fit(best.tube.curve, best.radius, AS_BEGUN, capped=best.tube.capped)
+        return better
 
     def near(self, start: Backbone, tried: Tried | None) -> tuple[TubeFit, Tried | None]:
         """Fit from where the device is expected; anywhere, where it does not seem to be there.
