@@ -165,14 +165,8 @@ def _other_end(piece: EndPiece) -> TubeFit:
     """The best of what is tried for an end, up to the first that is clear."""
     end, shape = piece.end, piece.whole.tube.capped[piece.end]
     best = before = piece.fit(piece.curve, shape, passes=0)
-    looked = []
-    for start in other_ends(piece.rig, before.tube, before.looks, end):
-        with suppress(HardFrame):
-            other = piece.fit(start, shape, passes=0)
-            looked.append((_price(other), start))
-            best = min(best, other, key=_price)
-    # What looks best already is fitted first; then, whatever it looks like, the other shape.
-    begins = [(start, shape) for _, start in sorted(looked, key=lambda one: one[0])]
+    others = other_ends(piece.rig, before.tube, before.looks, end)
+    begins = [(start, shape) for start in others]
     if min(look.half_width for look in before.looks) > _SHAPE_PX:
         begins.insert(1, _other_shape(before.tube, end))
     # Most of what goes right is seen to do so soon; only where nothing does is the rest fitted on.

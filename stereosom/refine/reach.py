@@ -121,13 +121,14 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     """The curve (n, 3) with its base (0) or tip (1) running on otherwise.
 
     A flat end seen obliquely looks the same tilted to either side; a fit that has taken the
-    wrong one bends into it, and does not find out. Here it runs on as the stretch before does,
-    bends to the other side, is tilted the other way, or bends nearer to the cameras, or farther
-    from them. Where no view shows its last stretch, that is cut off.
+    wrong one bends into it, and does not find out. Here it bends nearer to the cameras, or farther
+    from them, runs on as the stretch before does, is tilted the other way, or bends to the other
+    side: what is right most often comes first. Where no view shows its last stretch, that is cut
+    off.
     """
     curve, straight = tube.curve, run_on(tube, end)
-    others = [straight, 2 * straight - curve]
-    others += [mirrored_in_depth(rig, tube, end), *bent_in_depth(rig, tube, end, (1.0, -1.0))]
+    others = bent_in_depth(rig, tube, end, (-1.0, 1.0))
+    others += [straight, mirrored_in_depth(rig, tube, end), 2 * straight - curve]
     speed = np.stack([np.linalg.norm(np.gradient(camera.project(curve), axis=0), axis=1)
                       for camera in (rig.a, rig.b)])  # fmt: skip
     telling = speed > _SHORTENED * speed.max(axis=0)
