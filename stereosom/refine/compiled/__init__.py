@@ -1,5 +1,6 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
+from .descent import descend, ends_shown, noise_of
 from .edges import contour, look, match, middle_offset, rims_seen, unseen
 from .equations import by_length, covariance, crossed, roughness_like, step, sweep
 from .lengths import evenly, reach_along, steps_in_picture
@@ -12,11 +13,14 @@ __all__ = [
     "contour",
     "covariance",
     "crossed",
+    "descend",
+    "ends_shown",
     "evenly",
     "likeness",
     "look",
     "match",
     "middle_offset",
+    "noise_of",
     "outline",
     "pair_in_order",
     "reach_along",

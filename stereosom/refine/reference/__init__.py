@@ -5,6 +5,7 @@ of the n samples of the curve, then the right rim, then `CAP_POINTS` around the 
 and as many around the tip's.
 """
 
+from .descent import CAP_SHARE, LEAST_NOISE, Looked, descend, ends_shown, noise_of
 from .edges import contour, look, match, middle_offset, rims_seen, unseen
 from .equations import assemble, by_length, covariance, crossed, roughness_like, step, sweep
 from .lengths import evenly, reach_along, steps_in_picture
@@ -14,21 +15,27 @@ from .pairing import pair_in_order
 
 __all__ = [
     "CAP_POINTS",
+    "CAP_SHARE",
     "FLAT",
     "HARMONICS",
+    "LEAST_NOISE",
     "NOWHERE",
     "OPEN",
     "ROUND",
+    "Looked",
     "assemble",
     "by_length",
     "contour",
     "covariance",
     "crossed",
+    "descend",
+    "ends_shown",
     "evenly",
     "likeness",
     "look",
     "match",
     "middle_offset",
+    "noise_of",
     "outline",
     "owners",
     "pair_in_order",
