@@ -23,14 +23,17 @@ def test_a_row_for_each_family_and_method(tmp_path):
     assert (tmp_path / "methods.png").stat().st_size > 0
 
 
-@pytest.mark.parametrize("number", [5, 9, 21, 36])
-def test_an_end_seen_nearly_edge_on_is_tilted_the_right_way(number):
-    """Poses that a wrong tilt, or half a ball, explains nearly as well: ends up to 2.6 mm off."""
+@pytest.mark.parametrize(("number", "seed"), [(5, 7), (9, 7), (21, 7), (36, 7), (39, 11)])
+def test_an_end_seen_nearly_edge_on_is_tilted_the_right_way(number, seed):
+    """Poses that a wrong tilt, or half a ball, explains nearly as well: ends up to 2.6 mm off.
+
+    In the last one what is matched goes astray at the tip, by 15 mm.
+    """
     pytest.importorskip("pyvista")
     from stereosom_plugin.experiments import methods, mockup
 
     family = next(family for family in methods.families() if family.name == "mock-up 20°")
-    pose = list(mockup.poses(number + 1, seed=7, reach=8.0))[number]
+    pose = list(mockup.poses(number + 1, seed=seed, reach=8.0))[number]
     truth = family.curve.transformed(pose.rotation, pose.translation)
     seen = methods._observe(family, truth, "joint-spline")
     result = reconstruct(seen, options=Options(prior=Prior(base=truth.base)))

@@ -73,7 +73,7 @@ class TubeFit:
     tube: Tube
     looks: tuple[Look, Look]
     radius_known: bool
-    settled: bool
+    settled: bool = False
 
     @cached_property
     def covariance(self) -> Floats:
@@ -170,7 +170,7 @@ def fit_tube(
     if passes == 0:
         tube = Tube.of(basis, control, radius, capped)
         looks = _looks(rig, contours, tube, None)
-        return TubeFit(basis.backbone(control), radius, tube, looks, radius_known, False)
+        return TubeFit(basis.backbone(control), radius, tube, looks, radius_known)
     roughness = basis.roughness_like(control)
     stiffness = _ROUGHNESS_PX2 / max(float(np.sum(control * (roughness @ control))), 1e-12)
     pixel_mm = float(rig.a.pixel_size(start[:1])[0])

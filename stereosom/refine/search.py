@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -28,6 +28,8 @@ _SAMPLES = 121
 _CUT_OFF = 2.5
 # A fit that takes more passes than this does so for an end that is not as it seems.
 _SOON = 11
+# Edges of a mask without dirt are off by less, as a mean of squares, px².
+_CLEAN_PX2 = 0.1
 # Where steps get smaller than this, px, the fit of a device that is followed ends.
 _FOLLOWED_PX = 0.15
 # A device with more edges in a view than twice so many is first followed by some, to such steps.
@@ -96,17 +98,19 @@ class TubeSearch:
                 radius, _ = _radius_by_area(self.seen, expected)
                 capped = self._capped(expected, radius, rounded)
                 fits.append(self._fit(expected, radius, FROM_AFAR, capped=capped))
-        begins = [(first_curve, FROM_NEAR), (first_curve, FROM_AFAR)]
+
+        def begun(begin: Callable[[Observation], tuple[Floats, float]], **details: Any) -> TubeFit:
+            curve, radius = begin(self.seen)
+            if expected is not None and _runs_backwards(curve, expected):
+                curve = curve[::-1]
+            return self._fit(curve, radius, capped=self._capped(curve, radius, rounded), **details)
+
+        begins = [partial(begun, first_curve, gates=gates) for gates in (FROM_NEAR, FROM_AFAR)]
         if not close:
-            begins = [(matched_curve, FROM_AFAR), (first_curve, FROM_NEAR)]
-        passes = {} if close else {"passes": _SOON}
-        for begin, gates in begins:
+            begins = [partial(begun, matched_curve, gates=FROM_AFAR, passes=_SOON), begins[0]]
+        for begin in begins:
             try:
-                curve, radius = begin(self.seen)
-                if expected is not None and _runs_backwards(curve, expected):
-                    curve = curve[::-1]
-                capped = self._capped(curve, radius, rounded)
-                fits.append(self._fit(curve, radius, gates, capped=capped, **passes))
+                fits.append(begin())
             except HardFrame as error:
                 refused = error
                 continue
@@ -114,12 +118,15 @@ class TubeSearch:
                 break
         if not fits:
             raise refused or HardFrame("the two views do not show the same device")
-        best = min(fits, key=_cost)
-        better = with_better_ends(self.seen.rig, best, self.edges, self._fit)
-        if better is best and not best.settled:
-            with suppress(HardFrame):
-                better = self._fit(best.tube.curve, best.radius, AS_BEGUN, capped=best.tube.capped)
-        return better
+        fit = min(fits, key=_cost)
+        if close:
+            return with_better_ends(self.seen.rig, fit, self.edges, self._fit)
+        fit = self._with_better_ends(fit)
+        unlike = any(fit.odd_ends) and _cost_per_edge(fit) > _CLEAN_PX2
+        if unlike and len(fits) == 1 and expected is None:
+            with suppress(HardFrame):  # what is matched may go astray in depth at an end
+                fit = min(fit, self._with_better_ends(begins[-1]()), key=_cost)
+        return fit
 
     def near(self, start: Backbone, tried: Tried | None) -> tuple[TubeFit, Tried | None]:
         """Fit from where the device is expected; anywhere, where it does not seem to be there.
@@ -152,6 +159,14 @@ class TubeSearch:
         if other is not None and other.cost < _BETTER * fit.cost:
             fit = other
         return fit, what_was_tried(fit, odd)
+
+    def _with_better_ends(self, fit: TubeFit) -> TubeFit:
+        """The best of what its ends may be; what stopped soon goes on, where that is as it is."""
+        better = with_better_ends(self.seen.rig, fit, self.edges, self._fit)
+        if better is fit and not fit.settled:
+            with suppress(HardFrame):
+                return self._fit(fit.tube.curve, fit.radius, AS_BEGUN, capped=fit.tube.capped)
+        return better
 
     def _followed(self, curve: Floats, rounded: tuple[bool, bool]) -> TubeFit:
         """Fit from a curve (n, 3) near by, from some of the edges first where there are many."""
