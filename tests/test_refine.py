@@ -278,9 +278,9 @@ def test_what_a_tube_covers_of_itself_shows_no_edge_that_could_be_missed():
     picture = np.vstack([*rims, np.full((2 * reference.CAP_POINTS, 2), -1e9)])
     nothing = np.zeros((2, 92), dtype=bool)
     ends = np.array([FLAT, FLAT])
-    missed = reference.unseen(picture, nothing, ends, covered=False)
-    assert missed == pytest.approx(2 * 50, abs=8)
-    assert reference.unseen(picture, nothing, ends) == pytest.approx(2 * 90, abs=16)
+    length, bare = reference.unseen(picture, nothing, ends)
+    assert length == pytest.approx(2 * 90, abs=16)
+    assert bare == pytest.approx(2 * 50, abs=8)
 
 
 def test_close_eyes_follow_outlines_far_in_depth():
@@ -723,9 +723,8 @@ def test_compiled_account_of_the_rims(compiled, seed, n, capped, shown):
     seen = reference.rims_seen(*given_to)
     np.testing.assert_array_equal(compiled.rims_seen(*given_to), seen)
     picture = rng.normal(0, 100, (k, 2))
-    for covered in (True, False):
-        given_to = (picture, seen, np.array(capped), covered)
-        assert compiled.unseen(*given_to) == pytest.approx(reference.unseen(*given_to), abs=1e-9)
+    given_to = (picture, seen, np.array(capped))
+    assert compiled.unseen(*given_to) == pytest.approx(reference.unseen(*given_to), abs=1e-9)
     given_to = (weight, total, n)
     assert compiled.middle_offset(*given_to) == pytest.approx(reference.middle_offset(*given_to))
     given_to = (weight, total, 0.3, n)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
 
-from ..arrays import Floats, Integers
+from ..arrays import Booleans, Floats, Integers
 from ..backbone import Backbone
 from ..camera import StereoRig
 from ..reconstruction import HardFrame
@@ -46,6 +46,9 @@ _BESIDE, _BESIDE_PX = 1.0, 4.0
 _END_ON = 0.9
 # The flat end of a device of a smaller half width is too small to judge, px.
 _NARROW_PX = 2.0
+# A fit that misses so much of its outline, in half widths, or so many of the edges, as a share,
+# may follow something else than the device.
+_MISSED, _STRAY = 6.0, 0.05
 # What the evidence most often finds for a spline's roughness, times its stiffness, px².
 _ROUGHNESS_PX2 = 2.0
 
@@ -98,9 +101,26 @@ class TubeFit:
         So is an outline without edges, for each pixel of it.
         """
         return sum(
-            sum(look.sums[2]) + 4 * (look.stray * look.edges + look.unseen_px(self.tube.capped))
-            for look in self.looks
+            sum(look.sums[2]) + 4 * (look.stray * look.edges + unseen)
+            for look, (unseen, _) in zip(self.looks, self._unseen, strict=True)
         )
+
+    @cached_property
+    def misses(self) -> bool:
+        """Whether much of the outline shows no edges, or many edges belong nowhere.
+
+        Then it may follow something else than the device.
+        """
+        missed = sum(bare for _, bare in self._unseen)
+        return missed > _MISSED * self.looks[0].half_width or any(
+            look.stray > _STRAY for look in self.looks
+        )
+
+    @cached_property
+    def _unseen(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Of both looks."""
+        look_a, look_b = self.looks
+        return look_a.unseen_px(self.tube.capped), look_b.unseen_px(self.tube.capped)
 
     @cached_property
     def odd_ends(self) -> tuple[bool, bool]:
@@ -175,15 +195,10 @@ def fit_tube(
     stiffness = _ROUGHNESS_PX2 / max(float(np.sum(control * (roughness @ control))), 1e-12)
     pixel_mm = float(rig.a.pixel_size(start[:1])[0])
     widest = max(_WIDEST_GATE * 2 * radius / pixel_mm, _PLACING)
-    every = np.zeros(passes)
-    every[: len(gates)] = np.minimum(gates, widest)[:passes]
-    # The stiffness is chosen while the curve still comes nearer.
-    anew = np.arange(passes) <= max(len(gates), 1)
-    anew[0] = len(gates) > 1
+    legs = _legs(tuple(min(gate, widest) for gate in gates), passes)
     ends = np.array(capped, dtype=np.int64)
     shown = np.stack([ends, ends])
-    for leg in _legs(every):
-        gate = every[leg][0]
+    for gate, *leg in legs:
         if gate == _PLACING:
             tube = Tube.of(basis, control, radius, capped)
             looks = _looks(rig, contours, tube, gate, shown)
@@ -197,8 +212,7 @@ def fit_tube(
         try:
             control, radius, stiffness, looked_at, *looked, shown, last = kernels().descend(
                 (basis.values, basis.slopes, basis.first), roughness, control, radius, stiffness,
-                views, ends, shown, every[leg], anew[leg],
-                pixel_mm, settled_px, radius_known, free_in_depth,
+                views, ends, shown, *leg, pixel_mm, settled_px, radius_known, free_in_depth,
             )  # fmt: skip
         except ValueError as error:
             raise HardFrame(str(error)) from None
@@ -210,11 +224,21 @@ def fit_tube(
     )
 
 
-def _legs(gates: Floats) -> list[slice]:
-    """Passes in a row between which the curve is not placed anew, and which see the same edges."""
-    begins = (gates == _PLACING) | ((gates <= _PLACING) & (np.append(0, gates[:-1]) > _PLACING))
+@lru_cache(maxsize=64)
+def _legs(gates: tuple[float, ...], passes: int) -> list[tuple[float, Floats, Booleans]]:
+    """Passes in a row between which the curve is not placed anew, and which see the same edges.
+
+    For each leg its first gate, the gates of all of its passes, and whether the stiffness is
+    chosen anew in them: while the curve still comes nearer.
+    """
+    every = np.zeros(passes)
+    every[: len(gates)] = gates[:passes]
+    anew = np.arange(passes) <= max(len(gates), 1)
+    anew[0] = len(gates) > 1
+    begins = (every == _PLACING) | ((every <= _PLACING) & (np.append(0, every[:-1]) > _PLACING))
     begins[0] = True
-    return [slice(a, b) for a, b in pairwise([*np.flatnonzero(begins).tolist(), len(gates)])]
+    bounds = [*np.flatnonzero(begins).tolist(), passes]
+    return [(float(every[a]), every[a:b], anew[a:b]) for a, b in pairwise(bounds)]
 
 
 def _looks(

@@ -184,13 +184,14 @@ class Look:
         seen: Booleans = kernels().rims_seen(self.weight, self.squares, self.samples, tolerance)
         return seen
 
-    def unseen_px(self, capped: tuple[int, int], covered: bool = True) -> float:
+    def unseen_px(self, capped: tuple[int, int]) -> tuple[float, float]:
         """Length of the rims that show no edges, px; where the tube goes on, from the first on.
 
-        With those that the tube itself covers, where no mask has an edge, or without.
+        With those that the tube itself covers, where no mask has an edge, and without.
         """
         ends = np.array(capped, dtype=np.int64)
-        return float(kernels().unseen(self.picture, self.rims_seen, ends, covered))
+        length, bare = kernels().unseen(self.picture, self.rims_seen, ends)
+        return length, bare
 
     @cached_property
     def spread(self) -> float:

@@ -1,7 +1,8 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
+from .contour import contour
 from .descent import descend, ends_shown, noise_of
-from .edges import contour, look, match, middle_offset, rims_seen, unseen
+from .edges import look, match, middle_offset, rims_seen, unseen
 from .equations import by_length, covariance, crossed, roughness_like, step, sweep
 from .lengths import evenly, reach_along, steps_in_picture
 from .noise import likeness, rounding

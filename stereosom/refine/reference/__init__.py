@@ -5,8 +5,9 @@ of the n samples of the curve, then the right rim, then `CAP_POINTS` around the 
 and as many around the tip's.
 """
 
+from .contour import contour
 from .descent import CAP_SHARE, LEAST_NOISE, Looked, descend, ends_shown, noise_of
-from .edges import contour, look, match, middle_offset, rims_seen, unseen
+from .edges import look, match, middle_offset, rims_seen, unseen
 from .equations import assemble, by_length, covariance, crossed, roughness_like, step, sweep
 from .lengths import evenly, reach_along, steps_in_picture
 from .noise import HARMONICS, likeness, rounding
