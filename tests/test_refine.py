@@ -444,7 +444,7 @@ def reached(start, stop):
     along = TIP - BASE
     contours = seen(BASE, TIP)
     tube = straight(BASE + start * along, BASE + stop * along, basis=spline_basis(24))
-    curve = seen_stretch(RIG, contours, tube, looks_at(tube, contours), 12.0)
+    curve = seen_stretch(RIG, contours, tube, 12.0)
     return (curve[[0, -1]] - BASE) @ along / LONG
 
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arrays import Booleans, Floats, Integers
+from ..arrays import Booleans, Floats
 from ..backbone import Backbone
 from ..camera import StereoRig
 from ..reconstruction import HardFrame
@@ -189,7 +189,7 @@ def fit_tube(
     control = basis.control_points(start, _reach_in_pictures(rig, start))
     if passes == 0:
         tube = Tube.of(basis, control, radius, capped)
-        looks = _looks(rig, contours, tube, None)
+        looks = _looks(rig, contours, tube)
         return TubeFit(basis.backbone(control), radius, tube, looks, radius_known)
     roughness = basis.roughness_like(control)
     stiffness = _ROUGHNESS_PX2 / max(float(np.sum(control * (roughness @ control))), 1e-12)
@@ -201,8 +201,7 @@ def fit_tube(
     for gate, *leg in legs:
         if gate == _PLACING:
             tube = Tube.of(basis, control, radius, capped)
-            looks = _looks(rig, contours, tube, gate, shown)
-            stretch = seen_stretch(rig, contours, tube, looks, gate)
+            stretch = seen_stretch(rig, contours, tube, gate)
             control = basis.control_points(stretch, _reach_in_pictures(rig, stretch))
         drawn = contours if gate <= _PLACING else tuple(c.where(_SOME) for c in contours)
         views = tuple(
@@ -245,12 +244,9 @@ def _looks(
     rig: StereoRig,
     contours: tuple[Contour, Contour],
     tube: Tube,
-    gate: float | None,
-    shown: Integers | None = None,
 ) -> tuple[Look, Look]:
-    ends = shown if shown is not None else (None, None)
-    look_a = Look.at(tube, rig.a, contours[0], gate, ends[0])
-    look_b = Look.at(tube, rig.b, contours[1], gate, ends[1])
+    look_a = Look.at(tube, rig.a, contours[0], None)
+    look_b = Look.at(tube, rig.b, contours[1], None)
     for look in (look_a, look_b):
         if look.told < look.samples // 4:
             raise HardFrame("the fit follows too little of the device's outline")

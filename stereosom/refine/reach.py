@@ -36,7 +36,6 @@ def seen_stretch(
     rig: StereoRig,
     contours: tuple[Contour, Contour],
     tube: Tube,
-    looks: tuple[Look, Look],
     gate: float,
 ) -> Floats:
     """Cut or lengthen a curve to where its rims are seen.
@@ -51,8 +50,6 @@ def seen_stretch(
     tube : Tube
         Where it is not capped the device goes on beyond the border, and the curve is
         lengthened some way beyond what is seen.
-    looks : pair of Look
-        At the tube.
     gate : float
         Edges farther off, px, are no part of the device.
 
@@ -81,16 +78,9 @@ def seen_stretch(
     )
     even = np.ones(len(extended))
     longer = Tube(extended, directions, even, tube.radius, (False, False))
-    further = [
-        Look.at(longer, camera, contour, gate)
-        for camera, contour in zip((rig.a, rig.b), contours, strict=True)
-    ]
-    speed = np.stack(
-        [np.linalg.norm(np.gradient(camera.project(extended), axis=0), axis=1)
-         for camera in (rig.a, rig.b)]
-    )  # fmt: skip
-    telling = speed > _SHORTENED * speed.max(axis=0)
-    rims = np.stack([look.rims_seen for look in further]) & telling[:, None]
+    views = (rig.a, rig.b), contours
+    further = [Look.at(longer, *view, gate) for view in zip(*views, strict=True)]
+    rims = np.stack([look.rims_seen for look in further]) & _telling(rig, extended)[:, None]
     seen = np.flatnonzero(rims.sum(axis=(0, 1)) >= _RIMS)
     if len(seen) < len(extended) // 10:
         raise HardFrame("the fit follows too little of the device's outline")
@@ -107,7 +97,11 @@ def seen_stretch(
             found[end] += outward * onward
         elif farther < -slack:
             continue
-        elif farther > slack and _goes_on(rims, looks, end, at, outward):
+        elif farther > slack and any(
+            # That a view shows no flat end where the fit has put it.
+            goes_on and not Look.at(tube, camera, contour, gate).cap_seen[end]
+            for goes_on, camera, contour in zip(_beyond(rims, at, outward), *views, strict=True)
+        ):
             found[end] -= outward * onward // 2
         else:
             found[end] = at
@@ -129,11 +123,8 @@ def other_ends(rig: StereoRig, tube: Tube, looks: tuple[Look, Look], end: int) -
     curve, straight = tube.curve, run_on(tube, end)
     others = bent_in_depth(rig, tube, end, (-1.0, 1.0))
     others += [straight, mirrored_in_depth(rig, tube, end), 2 * straight - curve]
-    speed = np.stack([np.linalg.norm(np.gradient(camera.project(curve), axis=0), axis=1)
-                      for camera in (rig.a, rig.b)])  # fmt: skip
-    telling = speed > _SHORTENED * speed.max(axis=0)
     rims = np.stack([look.rims_seen.any(axis=0) for look in looks])
-    seen = np.flatnonzero((rims & telling).any(axis=0))
+    seen = np.flatnonzero((rims & _telling(rig, curve)).any(axis=0))
     if len(seen) > len(curve) // 2:
         cut = curve[seen[0] :] if end == 0 else curve[: seen[-1] + 1]
         if len(cut) < len(curve) - 1:
@@ -215,7 +206,14 @@ def _from_end(tube: Tube, end: int) -> Floats:
     return np.asarray((reach if end == 0 else reach[-1] - reach) / (_BEFORE * tube.radius))
 
 
-def _goes_on(rims: Booleans, looks: tuple[Look, Look], end: int, at: int, outward: int) -> bool:
-    """Whether a view that shows no flat end where the fit has put it shows both rims beyond."""
-    beyond: Booleans = np.any(np.all(rims[:, :, at + outward :: outward], axis=1), axis=1)
-    return any(seen and not look.cap_seen[end] for seen, look in zip(beyond, looks, strict=True))
+def _telling(rig: StereoRig, curve: Floats) -> Booleans:
+    """Whether a view tells of the samples of a curve: it does not see them shortened, (2, n)."""
+    steps = [kernels().steps_in_picture(camera.projection, curve)[0] for camera in (rig.a, rig.b)]
+    speed = np.pad(np.stack(steps), ((0, 0), (0, 1)), mode="edge")
+    return np.asarray(speed > _SHORTENED * speed.max(axis=0))
+
+
+def _beyond(rims: Booleans, at: int, outward: int) -> Booleans:
+    """Whether each view shows both rims somewhere beyond a sample."""
+    both: Booleans = np.all(rims[:, :, at + outward :: outward], axis=1)
+    return np.asarray(np.any(both, axis=1))
