@@ -89,7 +89,7 @@ def middle_line(pixels: Floats, count: int | None = None, *, centered: bool = Tr
     points = (route[:, ::-1] + 0.5) * factor - 0.5 + corner
     if count is None:
         count = int(np.clip(polyline_length(route) / (_POINT_EVERY * width), *_POINTS))
-    row, column = np.nonzero(mask)
+    row, column = np.divmod(np.flatnonzero(mask), mask.shape[1])
     filled = (np.column_stack([column, row]) + 0.5) * factor - 0.5 + corner
     width *= factor
     line = _smooth(points, count, 0.7 * width)

@@ -109,8 +109,9 @@ class EndPiece:
 def _nearest_to(picture: Floats, samples: slice, points: Floats, farthest: float) -> Booleans:
     """Which points (m, 2) are nearest to such samples of a line (n, 2), and no farther off."""
     piece = picture[samples]
-    near = np.all(points > piece.min(axis=0) - farthest, axis=1)
-    near &= np.all(points < piece.max(axis=0) + farthest, axis=1)
+    (left, top), (right, bottom) = piece.min(axis=0) - farthest, piece.max(axis=0) + farthest
+    x, y = points.T
+    near = (x > left) & (x < right) & (y > top) & (y < bottom)
     distance, nearest = cKDTree(picture).query(points[near], distance_upper_bound=farthest)
     near[near] = (nearest >= samples.start) & (nearest < samples.stop) & np.isfinite(distance)
     return np.asarray(near)
