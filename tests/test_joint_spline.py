@@ -11,6 +11,7 @@ from stereosom.backbone import Backbone
 from stereosom.matching import match_monotone
 from stereosom.metrics import closest_on_curve, curve_errors
 from stereosom.middle_line import middle_line
+from stereosom.refine import search
 from stereosom.refine.contour import mask_contour
 from stereosom.refine.reference import ROUND, outline
 from stereosom.refine.search import TubeSearch
@@ -117,13 +118,27 @@ def test_a_device_with_rounded_ends_reaches_to_the_middles_of_their_balls(angle)
 def test_what_is_searched_for_anew_keeps_its_direction_and_its_rounded_end():
     device = growing_helix(200, 110, 1.0)
     seen = observe(device, 3.2, converging_rig(60))
-    search = TubeSearch.of(seen, None, None)
+    begun = TubeSearch.of(seen, None, None)
     curve = device.polyline(121)
-    forth = search.anywhere(curve, (False, True))
-    back = search.anywhere(curve[::-1], (True, False))
+    forth = begun.anywhere(curve, (False, True))
+    back = begun.anywhere(curve[::-1], (True, False))
     for fit, expected in ((forth, curve), (back, curve[::-1])):
         np.testing.assert_allclose(fit.tube.curve[[0, -1]], expected[[0, -1]], atol=1.0)
     assert forth.tube.capped[1] == back.tube.capped[0] == ROUND
+
+
+def test_a_fit_that_stopped_soon_goes_on_where_its_ends_are_as_they_are(monkeypatch):
+    device = growing_helix(200, 110, 1.0)
+    begun = TubeSearch.of(observe(device, 1.5, converging_rig(90)), None, None)
+    monkeypatch.setattr(search, "_SOON", 6)
+    passes = []
+    fit_tube = search.fit_tube
+    monkeypatch.setattr(
+        search, "fit_tube", lambda *a, **k: passes.append(k.get("passes")) or fit_tube(*a, **k)
+    )
+    monkeypatch.setattr(search, "with_better_ends", lambda rig, fit, edges, refit: fit)
+    assert begun.anywhere().settled
+    assert passes == [6, None]
 
 
 def test_matching_leaves_an_unseen_end_without_partner():

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 
 from stereosom import Camera, StereoRig, reconstruct
 from stereosom.refine import kernels as choice
-from stereosom.refine import reference
+from stereosom.refine import odd_ends, reference
 from stereosom.refine.contour import Contour, mask_contour
 from stereosom.refine.end_piece import EndPiece
 from stereosom.refine.fit import TubeFit, fit_tube
@@ -327,6 +327,41 @@ def test_of_two_ends_that_fit_alike_the_one_that_need_not_bend_is_likelier(bent,
     looks = [SimpleNamespace(noise_variance=1.0)] * 2
     piece = SimpleNamespace(end=1, curve=line, fit=fit, whole=SimpleNamespace(looks=looks))
     assert (_ball(piece, None) is not None) == rounded
+
+
+def test_an_end_that_costs_much_more_than_another_after_some_passes_is_given_up(monkeypatch):
+    # What each start costs after few passes, and after more.
+    costs = {0: (100, 95), 1: (130, 40), 2: (900, 10), 3: (110, 105)}
+    fitted = []
+
+    def fit(start, shape, passes, settled_px=0.0):
+        fitted.append((start, passes))
+        cost = 1000.0 if passes == 0 else costs[start][passes > 4]
+        return SimpleNamespace(
+            cost=cost,
+            odd_ends=(cost > 50, False),
+            end_is_odd=lambda *_: cost > 50,
+            tube=SimpleNamespace(curve=start, capped=(FLAT, FLAT)),
+            looks=[SimpleNamespace(half_width=1.0)] * 2,
+        )
+
+    whole = SimpleNamespace(tube=SimpleNamespace(capped=(FLAT, FLAT)))
+    piece = SimpleNamespace(end=0, curve=-1, rig=None, whole=whole, fit=fit)
+    monkeypatch.setattr(odd_ends, "other_ends", lambda *_: [0, 1, 2, 3])
+    assert odd_ends._other_end(piece).cost == 40
+    soon, late = [[start for start, passes in fitted if passes == n] for n in (4, 12)]
+    assert soon == [0, 1, 2, 3]
+    assert late == [0, 3, 1]  # the best first, up to what is clear, and none of start 2
+
+
+def test_a_fit_says_whether_it_has_settled():
+    device = arc(60, 60)
+    views = observe(device, 1.0, RIG)
+    edges = (mask_contour(views.pixels_a), mask_contour(views.pixels_b))
+    start = device.polyline(100) + np.array([1.0, 0, 0])
+    for passes, settled in ((2, False), (15, True)):
+        details = {"capped": (ROUND, ROUND), "gates": (7.0,), "passes": passes}
+        assert fit_tube(RIG, edges, start, 1.0, **details).settled == settled
 
 
 def test_edges_that_face_the_other_way_belong_nowhere():
