@@ -815,6 +815,8 @@ def test_compiled_lengths(compiled, seed, n, count, halts):
     given_to = (RIG.a.projection, points)
     found, expected = compiled.steps_in_picture(*given_to), reference.steps_in_picture(*given_to)
     assert_same([found[0], [found[1]]], [expected[0], [expected[1]]])
+    given_to = (RIG.a.projection, 2400.0, RIG.b.projection, 1200.0, points)
+    assert_same([compiled.reach_in_pictures(*given_to)], [reference.reach_in_pictures(*given_to)])
 
 
 def test_steps_in_a_picture_and_points_at_even_steps():
@@ -830,6 +832,12 @@ def test_steps_in_a_picture_and_points_at_even_steps():
     steps, depth = reference.steps_in_picture(projection, corner)
     np.testing.assert_allclose(steps, [0, 500 * 40 / 130])
     assert depth == 120
+    # Another one, of focal length 100, at (-50, 0, 30), sees what that one does not: 30 mm along
+    # z from 50 and 90 mm away, and 40 along its own axis. Depths are 50, 50 and 90 mm.
+    beside = np.array([[0.0, 0, 100, -3000], [0, 100, 0, 0], [1, 0, 0, 50]])
+    reach = reference.reach_in_pictures(projection, 500.0, beside, 100.0, corner)
+    mean = (50 + 50 + 90) / 3
+    np.testing.assert_allclose(reach, [0, 60 * mean / 100, 60 * mean / 100 + 40 / 130 * 120])
 
 
 # ---- numba is a choice -----------------------------------------------------------------

@@ -22,7 +22,7 @@ from .kernels import kernels
 from .look import Look, Tube
 from .reach import seen_stretch
 from .reference import FLAT
-from .spline import spline_basis
+from .spline import SplineBasis, spline_basis
 from .uncertainty import covariance_along
 
 # Edges farther from the outline than this, px, in one pass after the other, are no part of it;
@@ -90,8 +90,11 @@ class TubeFit:
 
     def _seen(self, end: int) -> tuple[bool, bool]:
         """Whether a view shows an end, or looks along it while the other one shows it."""
-        seen_a, seen_b = (look.cap_seen[end] for look in self.looks)
-        along_a, along_b = (look.slant[end] > _END_ON for look in self.looks)
+        a, b = self.looks
+        seen_a, seen_b = a.cap_seen[end], b.cap_seen[end]
+        if seen_a and seen_b:
+            return True, True
+        along_a, along_b = a.slant[end] > _END_ON, b.slant[end] > _END_ON
         return seen_a or (seen_b and along_a), seen_b or (seen_a and along_b)
 
     @cached_property
@@ -133,7 +136,7 @@ class TubeFit:
             return False
         for look, seen in zip(self.looks, self._seen(end), strict=True):
             unseen = not seen and look.half_width > _NARROW_PX
-            weight, _, squares = (sums[2 + end] for sums in look.sums)
+            weight, squares = look.sums[0][2 + end], look.sums[2][2 + end]
             beside = look.stray_at_ends[end] > _BESIDE * look.half_width + _BESIDE_PX
             if unseen or beside or squares > times * look.spread * weight + _ODD_PX2:
                 return True
@@ -186,23 +189,23 @@ def fit_tube(
         Where the curve leaves the contours.
     """
     basis = spline_basis(segments)
-    control = basis.control_points(start, _reach_in_pictures(rig, start))
+    control = _followed_by(basis, rig, start)
     if passes == 0:
         tube = Tube.of(basis, control, radius, capped)
         looks = _looks(rig, contours, tube)
         return TubeFit(basis.backbone(control), radius, tube, looks, radius_known)
     roughness = basis.roughness_like(control)
-    stiffness = _ROUGHNESS_PX2 / max(float(np.sum(control * (roughness @ control))), 1e-12)
+    stiffness = _ROUGHNESS_PX2 / max(float(np.vdot(control, roughness @ control)), 1e-12)
     pixel_mm = float(rig.a.pixel_size(start[:1])[0])
     widest = max(_WIDEST_GATE * 2 * radius / pixel_mm, _PLACING)
     legs = _legs(tuple(min(gate, widest) for gate in gates), passes)
     ends = np.array(capped, dtype=np.int64)
-    shown = np.stack([ends, ends])
+    shown = np.array((capped, capped), dtype=np.int64)
     for gate, *leg in legs:
         if gate == _PLACING:
             tube = Tube.of(basis, control, radius, capped)
             stretch = seen_stretch(rig, contours, tube, gate)
-            control = basis.control_points(stretch, _reach_in_pictures(rig, stretch))
+            control = _followed_by(basis, rig, stretch)
         drawn = contours if gate <= _PLACING else tuple(c.where(_SOME) for c in contours)
         views = tuple(
             (camera.projection, camera.center, camera.focal_length, edges.points, edges.directions)
@@ -223,6 +226,15 @@ def fit_tube(
     )
 
 
+def _followed_by(basis: SplineBasis, rig: StereoRig, curve: Floats) -> Floats:
+    """Control points (m, 3) that follow a curve (n, 3) with even speed in the pictures."""
+    a, b = rig.a, rig.b
+    reach = kernels().reach_in_pictures(
+        a.projection, a.focal_length, b.projection, b.focal_length, curve
+    )
+    return basis.control_points(curve, reach)
+
+
 @lru_cache(maxsize=64)
 def _legs(gates: tuple[float, ...], passes: int) -> list[tuple[float, Floats, Booleans]]:
     """Passes in a row between which the curve is not placed anew, and which see the same edges.
@@ -240,26 +252,10 @@ def _legs(gates: tuple[float, ...], passes: int) -> list[tuple[float, Floats, Bo
     return [(float(every[a]), every[a:b], anew[a:b]) for a, b in pairwise(bounds)]
 
 
-def _looks(
-    rig: StereoRig,
-    contours: tuple[Contour, Contour],
-    tube: Tube,
-) -> tuple[Look, Look]:
+def _looks(rig: StereoRig, contours: tuple[Contour, Contour], tube: Tube) -> tuple[Look, Look]:
     look_a = Look.at(tube, rig.a, contours[0], None)
     look_b = Look.at(tube, rig.b, contours[1], None)
     for look in (look_a, look_b):
         if look.told < look.samples // 4:
             raise HardFrame("the fit follows too little of the device's outline")
     return look_a, look_b
-
-
-def _reach_in_pictures(rig: StereoRig, curve: Floats) -> Floats:
-    """Length along a curve (n, 3) up to each point, as the picture shows it that shows more, mm.
-
-    Where the views leave depth open, length in space would count errors of it.
-    """
-    a, b = (kernels().steps_in_picture(camera.projection, curve) for camera in (rig.a, rig.b))
-    reach = np.zeros(len(curve))
-    steps = np.maximum(a[0] * (a[1] / rig.a.focal_length), b[0] * (b[1] / rig.b.focal_length))
-    np.cumsum(steps, out=reach[1:])
-    return reach

@@ -75,7 +75,7 @@ class TubeSearch:
         for view, pixels in views:
             contour = mask_contour(pixels)
             cut = seen.at_border(view, contour.points, _CUT_OFF)
-            at_border.append(contour.points[cut])
+            at_border.append(np.compress(cut, contour.points, axis=0))
             edges.append(contour.where(~cut) if len(at_border[-1]) else contour)
         return cls(seen, (edges[0], edges[1]), (at_border[0], at_border[1]), radius, segments)
 

@@ -4,7 +4,7 @@ from .contour import contour
 from .descent import descend, ends_shown, noise_of
 from .edges import look, match, middle_offset, rims_seen, unseen
 from .equations import by_length, covariance, crossed, roughness_like, step, sweep
-from .lengths import evenly, reach_along, steps_in_picture
+from .lengths import evenly, reach_along, reach_in_pictures, steps_in_picture
 from .noise import likeness, rounding
 from .outline import outline
 from .pairing import pair_in_order
@@ -25,6 +25,7 @@ __all__ = [
     "outline",
     "pair_in_order",
     "reach_along",
+    "reach_in_pictures",
     "rims_seen",
     "roughness_like",
     "rounding",

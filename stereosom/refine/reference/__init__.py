@@ -9,7 +9,7 @@ from .contour import contour
 from .descent import CAP_SHARE, LEAST_NOISE, Looked, descend, ends_shown, noise_of
 from .edges import look, match, middle_offset, rims_seen, unseen
 from .equations import assemble, by_length, covariance, crossed, roughness_like, step, sweep
-from .lengths import evenly, reach_along, steps_in_picture
+from .lengths import evenly, reach_along, reach_in_pictures, steps_in_picture
 from .noise import HARMONICS, likeness, rounding
 from .outline import CAP_POINTS, FLAT, NOWHERE, OPEN, ROUND, outline, owners, pieces
 from .pairing import pair_in_order
@@ -42,6 +42,7 @@ __all__ = [
     "pair_in_order",
     "pieces",
     "reach_along",
+    "reach_in_pictures",
     "rims_seen",
     "roughness_like",
     "rounding",
