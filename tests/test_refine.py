@@ -19,7 +19,7 @@ from stereosom.refine.end_piece import EndPiece
 from stereosom.refine.fit import TubeFit, fit_tube
 from stereosom.refine.look import Look, Tube
 from stereosom.refine.odd_ends import _ball, _bending
-from stereosom.refine.reach import mirrored_in_depth, seen_stretch
+from stereosom.refine.reach import mirrored_in_depth, other_ends, seen_stretch
 from stereosom.refine.spline import spline_basis
 from stereosom.synthetic import arc, converging_rig, observe
 
@@ -327,6 +327,16 @@ def test_of_two_ends_that_fit_alike_the_one_that_need_not_bend_is_likelier(bent,
     looks = [SimpleNamespace(noise_variance=1.0)] * 2
     piece = SimpleNamespace(end=1, curve=line, fit=fit, whole=SimpleNamespace(looks=looks))
     assert (_ball(piece, None) is not None) == rounded
+
+
+def test_an_end_is_tried_nearer_to_the_cameras_and_farther_first():
+    tube = straight([0, 0, 20], [0, 0, 130])
+    others = other_ends(RIG, tube, looks_at(tube, seen([0, 0, 20], [0, 0, 130])), 1)
+    away = np.linalg.norm(tube.curve[-1] - (RIG.a.center + RIG.b.center) / 2)
+    for other, farther in zip(others[-5:], (-1, 1), strict=False):  # before them, where cut off
+        depth = np.linalg.norm(other[-1] - (RIG.a.center + RIG.b.center) / 2)
+        assert depth - away == pytest.approx(farther * tube.radius, rel=0.1)
+        np.testing.assert_array_equal(other[0], tube.curve[0])
 
 
 def test_an_end_that_costs_much_more_than_another_after_some_passes_is_given_up(monkeypatch):
