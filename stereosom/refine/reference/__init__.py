@@ -11,6 +11,7 @@ from .lengths import evenly, reach_along, steps_in_picture
 from .noise import HARMONICS, likeness, rounding
 from .outline import CAP_POINTS, FLAT, NOWHERE, OPEN, ROUND, outline, owners, pieces
 from .pairing import pair_in_order
+from .walk import walk
 
 __all__ = [
     "CAP_POINTS",
@@ -41,4 +42,5 @@ __all__ = [
     "steps_in_picture",
     "sweep",
     "unseen",
+    "walk",
 ]
