@@ -62,7 +62,8 @@ class Backbone:
         knots = _checked_knots(knots.tobytes(), len(coefficients), self.degree)
         object.__setattr__(self, "coefficients", coefficients)
         object.__setattr__(self, "knots", knots)
-        if (coefficients == coefficients[0]).all():
+        first, last = coefficients[0].tolist(), coefficients[-1].tolist()
+        if first == last and (coefficients == coefficients[0]).all():
             raise ValueError("backbone: the curve has no length")
 
     # ---- ways to make one ------------------------------------------------------------

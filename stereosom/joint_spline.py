@@ -145,7 +145,8 @@ def _check(seen: Observation, fit: TubeFit) -> tuple[float, float]:
         ("b", seen.rig.b, seen.pixels_b),
     )
     for (view, camera, pixels), look in zip(views, fit.looks, strict=True):
-        unseen = 1 - np.count_nonzero(look.rims_seen.any(axis=0)) / look.samples
+        left, right = look.rims_seen
+        unseen = 1 - np.count_nonzero(left | right) / look.samples
         if unseen > MOST_UNSEEN:
             raise HardFrame(
                 f"view {view}: the pixels fall into separate pieces ({unseen:.0%} of the curve "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -26,15 +27,23 @@ def inside_by(corners: Floats, pixels: Any) -> Floats:
     >>> inside_by(square, [[2, 5], [13, 5]])
     array([ 2., -3.])
     """
-    to = corners[[*range(1, len(corners)), 0]]
-    around = np.sum(corners[:, 0] * to[:, 1] - corners[:, 1] * to[:, 0])
-    sides = (to - corners) * (1 if around >= 0 else -1)
+    normals, level = _sides(corners.tobytes())
+    if len(level) == 0:
+        return np.full(len(pixels), -np.inf)
+    return np.asarray((np.asarray(pixels, dtype=float) @ normals - level).min(axis=1))
+
+
+@lru_cache(maxsize=256)  # views see the same from frame to frame
+def _sides(corners: bytes) -> tuple[Floats, Floats]:
+    """Inward normals (2, k) of a polygon's sides, and how far they are along these, (k,)."""
+    at = np.frombuffer(corners).reshape(-1, 2)
+    to = at[[*range(1, len(at)), 0]] if len(at) else at
+    around = np.sum(at[:, 0] * to[:, 1] - at[:, 1] * to[:, 0])
+    sides = (to - at) * (1 if around >= 0 else -1)
     length = np.hypot(*sides.T)
     is_side = length > 1e-9
     normals = (sides[:, ::-1] * [-1, 1])[is_side] / length[is_side, None]
-    level = np.sum(normals * corners[is_side], axis=1)
-    inward = normals @ np.asarray(pixels, dtype=float).T - level[:, None]
-    return np.asarray(inward.min(axis=0, initial=np.inf if is_side.any() else -np.inf))
+    return normals.T.copy(), np.sum(normals * at[is_side], axis=1)
 
 
 def in_polygon(corners: Floats, pixels: Any) -> Booleans:

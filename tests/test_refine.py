@@ -16,7 +16,7 @@ from stereosom.refine import kernels as choice
 from stereosom.refine import reference
 from stereosom.refine.contour import Contour, mask_contour
 from stereosom.refine.end_piece import EndPiece
-from stereosom.refine.fit import TubeFit, _ends_shown, fit_tube
+from stereosom.refine.fit import TubeFit, fit_tube
 from stereosom.refine.look import Look, Tube
 from stereosom.refine.odd_ends import _ball, _bending
 from stereosom.refine.reach import mirrored_in_depth, seen_stretch
@@ -64,6 +64,14 @@ def straight_mask(camera, start, stop, radius):
 def seen(start, stop, radius=2.0):
     """Contours of a straight tube in both views of RIG."""
     return tuple(mask_contour(straight_mask(view, start, stop, radius)) for view in (RIG.a, RIG.b))
+
+
+def sights(contours):
+    """Both views of RIG as the kernels take them."""
+    return tuple(
+        (camera.projection, camera.center, camera.focal_length, edges.points, edges.directions)
+        for camera, edges in zip((RIG.a, RIG.b), contours, strict=True)
+    )
 
 
 def looks_at(tube, contours, gate=12.0):
@@ -270,9 +278,9 @@ def test_what_a_tube_covers_of_itself_shows_no_edge_that_could_be_missed():
     picture = np.vstack([*rims, np.full((2 * reference.CAP_POINTS, 2), -1e9)])
     nothing = np.zeros((2, 92), dtype=bool)
     ends = np.array([FLAT, FLAT])
-    missed = reference.unseen(picture, nothing, ends, covered=False)
-    assert missed == pytest.approx(2 * 50, abs=8)
-    assert reference.unseen(picture, nothing, ends) == pytest.approx(2 * 90, abs=16)
+    length, bare = reference.unseen(picture, nothing, ends)
+    assert length == pytest.approx(2 * 90, abs=16)
+    assert bare == pytest.approx(2 * 50, abs=8)
 
 
 def test_close_eyes_follow_outlines_far_in_depth():
@@ -464,9 +472,17 @@ def test_where_one_view_sees_the_device_go_on_the_others_end_is_a_hole():
     pixels = straight_mask(RIG.a, BASE, TIP, 2.0)
     hidden = np.linalg.norm(pixels - RIG.a.project(TIP[None]), axis=1) < 13
     cut_short = mask_contour(pixels[~hidden])
-    assert _ends_shown(RIG, tube, looks_at(tube, (contour_a, contour_b))) == ((True, True),) * 2
-    looks = looks_at(tube, (cut_short, contour_b))
-    assert _ends_shown(RIG, tube, looks) == ((True, False), (True, True))
+
+    def shown(*contours):
+        views = sights(contours)
+        looked = [
+            reference.look(*view[:2], tube.curve, tube.tangents, 2.0, CAPPED, *view[3:], 12.0)
+            for view in views
+        ]
+        return reference.ends_shown(views, tube.curve, tube.tangents, *looked, CAPPED).tolist()
+
+    assert shown(contour_a, contour_b) == [[FLAT, FLAT], [FLAT, FLAT]]
+    assert shown(cut_short, contour_b) == [[FLAT, OPEN], [FLAT, FLAT]]
 
 
 # ---- the compiled kernels --------------------------------------------------------------
@@ -611,6 +627,51 @@ def test_compiled_step(compiled, seed, segments, noise, radius_known, turning):
     assert_same([compiled.crossed(*given_to)], [reference.crossed(*given_to)], 1e-7)
 
 
+@settings(max_examples=20, deadline=None)
+@given(
+    SEEDS,
+    st.sampled_from([(0.0,), (7.0, 0.0, 0.0, 0.0), (8.0, 4.0, 0.0), (14.0, 8.0, 4.0, 0.0, 0.0)]),
+    st.booleans(),
+    st.booleans(),
+    st.booleans(),
+)
+def test_compiled_descent(compiled, seed, gates, hidden, radius_known, free_in_depth):
+    rng = np.random.default_rng(seed)
+    contours = list(seen(BASE, TIP))
+    if hidden:  # in one view, so that the other one's end must win
+        pixels = straight_mask(RIG.a, BASE, TIP, 2.0)
+        away = np.linalg.norm(pixels - RIG.a.project(TIP[None]), axis=1)
+        contours[0] = mask_contour(pixels[away > 10])
+    between = straight(BASE, TIP - 1.2 * (TIP - BASE) / LONG)
+    control = BASIS.through(between.curve) + rng.normal(0, 0.2, (BASIS.count, 3))
+    given_to = (
+        (BASIS.values, BASIS.slopes, BASIS.first), BASIS.roughness, control,
+        rng.uniform(1.5, 2.5), 10.0 ** rng.uniform(-3, 0), sights(contours), CAPPED,
+        np.stack([CAPPED, CAPPED]), np.array(gates), np.arange(len(gates)) % 2 == 1, 0.25, 0.1,
+        radius_known, free_in_depth,
+    )  # fmt: skip
+    found, expected = compiled.descend(*given_to), reference.descend(*given_to)
+    assert_same(found[:3], expected[:3], 1e-6)
+    for one, other in zip(found[3:6], expected[3:6], strict=True):
+        assert_same(one, other, 1e-6)
+    np.testing.assert_array_equal(found[6], expected[6])
+    assert (expected[6][0, 1] == OPEN) == (hidden and 8.0 in gates)
+
+
+def test_a_fit_that_leaves_the_device_says_so(compiled):
+    edges = seen(BASE, TIP)[0]
+    far = Contour(edges.points + 400, edges.directions)
+    control = BASIS.through(straight(BASE, TIP).curve)
+    given_to = (
+        (BASIS.values, BASIS.slopes, BASIS.first), BASIS.roughness, control, 2.0, 1.0,
+        sights((far, far)), CAPPED, np.stack([CAPPED, CAPPED]), np.array([7.0]),
+        np.array([False]), 0.25, 0.1, False, False,
+    )  # fmt: skip
+    for kernels in (compiled, reference):
+        with pytest.raises(ValueError, match="too little of the device's outline"):
+            kernels.descend(*given_to)
+
+
 @often
 @given(SEEDS, TILTS, st.booleans(), st.integers(1, 12))
 def test_compiled_covariance(compiled, seed, tilt, radius_known, together):
@@ -662,9 +723,8 @@ def test_compiled_account_of_the_rims(compiled, seed, n, capped, shown):
     seen = reference.rims_seen(*given_to)
     np.testing.assert_array_equal(compiled.rims_seen(*given_to), seen)
     picture = rng.normal(0, 100, (k, 2))
-    for covered in (True, False):
-        given_to = (picture, seen, np.array(capped), covered)
-        assert compiled.unseen(*given_to) == pytest.approx(reference.unseen(*given_to), abs=1e-9)
+    given_to = (picture, seen, np.array(capped))
+    assert compiled.unseen(*given_to) == pytest.approx(reference.unseen(*given_to), abs=1e-9)
     given_to = (weight, total, n)
     assert compiled.middle_offset(*given_to) == pytest.approx(reference.middle_offset(*given_to))
     given_to = (weight, total, 0.3, n)
@@ -720,6 +780,8 @@ def test_compiled_lengths(compiled, seed, n, count, halts):
     given_to = (RIG.a.projection, points)
     found, expected = compiled.steps_in_picture(*given_to), reference.steps_in_picture(*given_to)
     assert_same([found[0], [found[1]]], [expected[0], [expected[1]]])
+    given_to = (RIG.a.projection, 2400.0, RIG.b.projection, 1200.0, points)
+    assert_same([compiled.reach_in_pictures(*given_to)], [reference.reach_in_pictures(*given_to)])
 
 
 def test_steps_in_a_picture_and_points_at_even_steps():
@@ -735,6 +797,12 @@ def test_steps_in_a_picture_and_points_at_even_steps():
     steps, depth = reference.steps_in_picture(projection, corner)
     np.testing.assert_allclose(steps, [0, 500 * 40 / 130])
     assert depth == 120
+    # Another one, of focal length 100, at (-50, 0, 30), sees what that one does not: 30 mm along
+    # z from 50 and 90 mm away, and 40 along its own axis. Depths are 50, 50 and 90 mm.
+    beside = np.array([[0.0, 0, 100, -3000], [0, 100, 0, 0], [1, 0, 0, 50]])
+    reach = reference.reach_in_pictures(projection, 500.0, beside, 100.0, corner)
+    mean = (50 + 50 + 90) / 3
+    np.testing.assert_allclose(reach, [0, 60 * mean / 100, 60 * mean / 100 + 40 / 130 * 120])
 
 
 # ---- numba is a choice -----------------------------------------------------------------

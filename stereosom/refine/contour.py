@@ -23,7 +23,7 @@ class Contour:
     def where(self, kept: Booleans | slice) -> Contour:
         """The part of it that is kept, by an (m,) array or a slice."""
         if isinstance(kept, slice):
-            return Contour(self.points[kept], self.directions[kept])
+            return Contour(self.points[kept].copy(), self.directions[kept].copy())
         # Takes a tenth of the time that indexing by the array does.
         parts = (np.compress(kept, whole, axis=0) for whole in (self.points, self.directions))
         return Contour(*parts)

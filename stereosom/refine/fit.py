@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Booleans, Floats, Integers
 from ..backbone import Backbone
 from ..camera import StereoRig
 from ..reconstruction import HardFrame
@@ -20,9 +21,9 @@ from .contour import Contour
 from .kernels import kernels
 from .look import Look, Tube
 from .reach import seen_stretch
-from .reference import FLAT, OPEN
-from .spline import spline_basis
-from .uncertainty import covariance_along, noise_variance
+from .reference import FLAT
+from .spline import SplineBasis, spline_basis
+from .uncertainty import covariance_along
 
 # Edges farther from the outline than this, px, in one pass after the other, are no part of it;
 # then the spread of the residuals decides.
@@ -33,12 +34,10 @@ ON_TRACK = (7.0,)
 AS_BEGUN: tuple[float, ...] = ()
 # No gate is wider than so many widths of the device.
 _WIDEST_GATE = 2.0
-# At this gate the ends are placed anew, and at this one it is settled which view shows them.
-_PLACING, _SETTLING = 12.0, 8.0
-# Views that put an end farther apart than this, px, do not show the same.
-_APART_PX, _SHORTENED = 2.0, 0.5
-# From this gate on flat ends tell how the curve runs into them.
-_TURNING = 5.0
+# At this gate the ends are placed anew.
+_PLACING = 12.0
+# From afar, some of the edges tell as much as all.
+_SOME = slice(None, None, 4)
 # A flat end whose squared residuals are so many times those of all is odd.
 _ODD, _ODD_PX2 = 2.0, 1.0
 # So is one beside which so many edges belong nowhere, as a share of its half width, and number.
@@ -47,10 +46,11 @@ _BESIDE, _BESIDE_PX = 1.0, 4.0
 _END_ON = 0.9
 # The flat end of a device of a smaller half width is too small to judge, px.
 _NARROW_PX = 2.0
+# A fit that misses so much of its outline, in half widths, or so many of the edges, as a share,
+# may follow something else than the device.
+_MISSED, _STRAY = 6.0, 0.05
 # What the evidence most often finds for a spline's roughness, times its stiffness, px².
 _ROUGHNESS_PX2 = 2.0
-# Without a gate no step is longer than this, px.
-_FARTHEST_PX = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,11 @@ class TubeFit:
 
     def _seen(self, end: int) -> tuple[bool, bool]:
         """Whether a view shows an end, or looks along it while the other one shows it."""
-        seen_a, seen_b = (look.cap_seen[end] for look in self.looks)
-        along_a, along_b = (look.slant[end] > _END_ON for look in self.looks)
+        a, b = self.looks
+        seen_a, seen_b = a.cap_seen[end], b.cap_seen[end]
+        if seen_a and seen_b:
+            return True, True
+        along_a, along_b = a.slant[end] > _END_ON, b.slant[end] > _END_ON
         return seen_a or (seen_b and along_a), seen_b or (seen_a and along_b)
 
     @cached_property
@@ -98,9 +101,26 @@ class TubeFit:
         So is an outline without edges, for each pixel of it.
         """
         return sum(
-            sum(look.sums[2]) + 4 * (look.stray * look.edges + look.unseen_px(self.tube.capped))
-            for look in self.looks
+            sum(look.sums[2]) + 4 * (look.stray * look.edges + unseen)
+            for look, (unseen, _) in zip(self.looks, self._unseen, strict=True)
         )
+
+    @cached_property
+    def misses(self) -> bool:
+        """Whether much of the outline shows no edges, or many edges belong nowhere.
+
+        Then it may follow something else than the device.
+        """
+        missed = sum(bare for _, bare in self._unseen)
+        return missed > _MISSED * self.looks[0].half_width or any(
+            look.stray > _STRAY for look in self.looks
+        )
+
+    @cached_property
+    def _unseen(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Of both looks."""
+        look_a, look_b = self.looks
+        return look_a.unseen_px(self.tube.capped), look_b.unseen_px(self.tube.capped)
 
     @cached_property
     def odd_ends(self) -> tuple[bool, bool]:
@@ -113,7 +133,7 @@ class TubeFit:
             return False
         for look, seen in zip(self.looks, self._seen(end), strict=True):
             unseen = not seen and look.half_width > _NARROW_PX
-            weight, _, squares = (sums[2 + end] for sums in look.sums)
+            weight, squares = look.sums[0][2 + end], look.sums[2][2 + end]
             beside = look.stray_at_ends[end] > _BESIDE * look.half_width + _BESIDE_PX
             if unseen or beside or squares > times * look.spread * weight + _ODD_PX2:
                 return True
@@ -166,77 +186,66 @@ def fit_tube(
         Where the curve leaves the contours.
     """
     basis = spline_basis(segments)
-    control = basis.control_points(start, _reach_in_pictures(rig, start))
-    roughness = basis.roughness_like(control)
-    stiffness = _ROUGHNESS_PX2 / max(float(np.sum(control * (roughness @ control))), 1e-12)
-    pixel_mm = float(rig.a.pixel_size(start[:1])[0])
-    # From afar, some of the edges tell as much as all.
-    thinned = (contours[0].where(slice(None, None, 4)), contours[1].where(slice(None, None, 4)))
-    widest = max(_WIDEST_GATE * 2 * radius / pixel_mm, _PLACING)
-    gates = [min(gate, widest) for gate in gates]
-    shown = (capped, capped)
+    control = _followed_by(basis, rig, start)
     if passes == 0:
         tube = Tube.of(basis, control, radius, capped)
-        looks = _looks(rig, contours, tube, None, shown)
-    for number in range(passes):
-        gate = gates[number] if number < len(gates) else None
+        looks = _looks(rig, contours, tube, None)
+        return TubeFit(basis.backbone(control), radius, tube, looks, radius_known)
+    roughness = basis.roughness_like(control)
+    stiffness = _ROUGHNESS_PX2 / max(float(np.vdot(control, roughness @ control)), 1e-12)
+    pixel_mm = float(rig.a.pixel_size(start[:1])[0])
+    widest = max(_WIDEST_GATE * 2 * radius / pixel_mm, _PLACING)
+    legs = _legs(tuple(min(gate, widest) for gate in gates), passes)
+    ends = np.array(capped, dtype=np.int64)
+    shown = np.array((capped, capped), dtype=np.int64)
+    for gate, *leg in legs:
         if gate == _PLACING:
             tube = Tube.of(basis, control, radius, capped)
             looks = _looks(rig, contours, tube, gate, shown)
             stretch = seen_stretch(rig, contours, tube, looks, gate)
-            control = basis.control_points(stretch, _reach_in_pictures(rig, stretch))
-        tube = Tube.of(basis, control, radius, capped)
-        drawn = contours if gate is None or gate <= _PLACING else thinned
-        looks = _looks(rig, drawn, tube, gate, shown)
-        if gate == _SETTLING:
-            hidden, shown = shown, _ends_shown(rig, tube, looks)
-            if shown != hidden:
-                looks = _looks(rig, contours, tube, gate, shown)
-        views = (looks[0].equations, looks[1].equations)
-        anew = number <= max(len(gates), 1) and (number or len(gates) > 1)
-        moved, grown, farthest, stiffness = kernels().step(
-            basis.values, basis.slopes, basis.first, roughness,
-            control, tube.speed, tube.tangents,
-            *views, gate is None or gate <= _TURNING,
-            stiffness, noise_variance(looks) if anew else 0.0, radius_known,
-        )  # fmt: skip
-        if not np.abs(moved).max() <= 1e4:  # nor where it is not a number
-            raise HardFrame("the fit left the device")
-        # No step goes farther than edges are looked for.
-        longest = farthest_px = farthest / pixel_mm
-        if free_in_depth:
-            longest = max(
-                kernels().crossed(
-                    basis.values, basis.slopes, basis.first, tube.speed, view, moved, grown
-                )
-                for view in views
-            )
-        moved *= min(1.0, (gate or _FARTHEST_PX) / max(longest, 1e-12))
-        control, radius = control + moved, max(radius + grown, 1e-3)
-        if gate is None and farthest_px < settled_px:
-            break
-    return TubeFit(basis.backbone(control), radius, tube, looks, radius_known)
+            control = _followed_by(basis, rig, stretch)
+        drawn = contours if gate <= _PLACING else tuple(c.where(_SOME) for c in contours)
+        views = tuple(
+            (camera.projection, camera.center, camera.focal_length, edges.points, edges.directions)
+            for camera, edges in zip((rig.a, rig.b), drawn, strict=True)
+        )
+        try:
+            control, radius, stiffness, looked_at, *looked, shown = kernels().descend(
+                (basis.values, basis.slopes, basis.first), roughness, control, radius, stiffness,
+                views, ends, shown, *leg, pixel_mm, settled_px, radius_known, free_in_depth,
+            )  # fmt: skip
+        except ValueError as error:
+            raise HardFrame(str(error)) from None
+    curve, speed, tangents, looked_at_radius = looked_at
+    tube = Tube(curve, tangents, speed, looked_at_radius, capped)
+    look_a, look_b = (Look.of(*one) for one in zip(looked, drawn, strict=True))
+    return TubeFit(basis.backbone(control), radius, tube, (look_a, look_b), radius_known)
 
 
-_Ends = tuple[int, int]
+def _followed_by(basis: SplineBasis, rig: StereoRig, curve: Floats) -> Floats:
+    """Control points (m, 3) that follow a curve (n, 3) with even speed in the pictures."""
+    a, b = rig.a, rig.b
+    reach = kernels().reach_in_pictures(
+        a.projection, a.focal_length, b.projection, b.focal_length, curve
+    )
+    return basis.control_points(curve, reach)
 
 
-def _ends_shown(rig: StereoRig, tube: Tube, looks: tuple[Look, Look]) -> tuple[_Ends, _Ends]:
-    """Which flat ends each view shows: where one sees the device go on, the other's is hidden."""
-    shown = [list(tube.capped), list(tube.capped)]
-    for end, sign in ((0, -1.0), (1, 1.0)):
-        beyond = []
-        for camera, look in zip((rig.a, rig.b), looks, strict=True):
-            offset = look.cap_offsets[end]
-            at = tube.curve[[0, -1][end]][None]
-            along = sign * tube.tangents[[0, -1][end]]
-            shortened = np.linalg.norm(camera.jacobian(at)[0] @ along) * camera.pixel_size(at)[0]
-            # Of an end that points at the camera a view tells little.
-            beyond.append(offset / shortened if shortened > _SHORTENED else np.nan)
-        # Never so where one is not a number.
-        if abs(beyond[0] - beyond[1]) > _APART_PX and max(beyond) > _APART_PX / 2:
-            shown[int(beyond[0] > beyond[1])][end] = OPEN
-    return (shown[0][0], shown[0][1]), (shown[1][0], shown[1][1])
+@lru_cache(maxsize=64)
+def _legs(gates: tuple[float, ...], passes: int) -> list[tuple[float, Floats, Booleans]]:
+    """Passes in a row between which the curve is not placed anew, and which see the same edges.
+
+    For each leg its first gate, the gates of all of its passes, and whether the stiffness is
+    chosen anew in them: while the curve still comes nearer.
+    """
+    every = np.zeros(passes)
+    every[: len(gates)] = gates[:passes]
+    anew = np.arange(passes) <= max(len(gates), 1)
+    anew[0] = len(gates) > 1
+    begins = (every == _PLACING) | ((every <= _PLACING) & (np.append(0, every[:-1]) > _PLACING))
+    begins[0] = True
+    bounds = [*np.flatnonzero(begins).tolist(), passes]
+    return [(float(every[a]), every[a:b], anew[a:b]) for a, b in pairwise(bounds)]
 
 
 def _looks(
@@ -244,23 +253,12 @@ def _looks(
     contours: tuple[Contour, Contour],
     tube: Tube,
     gate: float | None,
-    shown: tuple[_Ends, _Ends],
+    shown: Integers | None = None,
 ) -> tuple[Look, Look]:
-    look_a = Look.at(tube, rig.a, contours[0], gate, shown[0])
-    look_b = Look.at(tube, rig.b, contours[1], gate, shown[1])
+    ends = shown if shown is not None else (None, None)
+    look_a = Look.at(tube, rig.a, contours[0], gate, ends[0])
+    look_b = Look.at(tube, rig.b, contours[1], gate, ends[1])
     for look in (look_a, look_b):
         if look.told < look.samples // 4:
             raise HardFrame("the fit follows too little of the device's outline")
     return look_a, look_b
-
-
-def _reach_in_pictures(rig: StereoRig, curve: Floats) -> Floats:
-    """Length along a curve (n, 3) up to each point, as the picture shows it that shows more, mm.
-
-    Where the views leave depth open, length in space would count errors of it.
-    """
-    a, b = (kernels().steps_in_picture(camera.projection, curve) for camera in (rig.a, rig.b))
-    reach = np.zeros(len(curve))
-    steps = np.maximum(a[0] * (a[1] / rig.a.focal_length), b[0] * (b[1] / rig.b.focal_length))
-    np.cumsum(steps, out=reach[1:])
-    return reach

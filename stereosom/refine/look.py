@@ -12,13 +12,11 @@ from ..camera import Camera
 from ..reconstruction import HardFrame
 from .contour import Contour
 from .kernels import kernels
-from .reference import owners
+from .reference import CAP_SHARE, Looked, owners
 from .spline import SplineBasis
 
 # A rim is seen where edges lie no farther off than this, px and as a share of the half width.
 _RIM_PX, _RIM_SHARE = 2.0, 0.3
-# A flat end is seen where it has so many edges, as a share of its width.
-_CAP_SHARE = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +115,7 @@ class Look:
         camera: Camera,
         contour: Contour,
         gate: float | None,
-        shown: tuple[int, int] | None = None,
+        shown: Integers | None = None,
     ) -> Look:
         """Match a contour to a tube's outline.
 
@@ -129,7 +127,7 @@ class Look:
         gate : float, optional
             Edges farther off, px, are no part of it. Where not given, those are not that lie
             beyond some times the spread, and the far ones among the others count less.
-        shown : (int, int), optional
+        shown : (2,) array of int, optional
             As `capped` of the tube, where this view does not show both ends. Default: it does.
 
         Raises
@@ -144,13 +142,18 @@ class Look:
                 tube.curve,
                 tube.tangents,
                 tube.radius,
-                np.array(shown or tube.capped, dtype=np.int64),
+                np.array(tube.capped, dtype=np.int64) if shown is None else shown,
                 contour.points,
                 contour.directions,
                 float(gate or 0.0),
             )
         except ValueError:
             raise HardFrame("the fit runs behind a camera") from None
+        return cls.of(looked, contour)
+
+    @classmethod
+    def of(cls, looked: Looked, contour: Contour) -> Look:
+        """From what the kernels' `look` gave of a contour."""
         picture, normals, pull, turn, grow, weight, total, squares, sums, numbers = looked
         noise, stray, half_width, told, alone, *ends = numbers.tolist()
         return cls(
@@ -181,13 +184,14 @@ class Look:
         seen: Booleans = kernels().rims_seen(self.weight, self.squares, self.samples, tolerance)
         return seen
 
-    def unseen_px(self, capped: tuple[int, int], covered: bool = True) -> float:
+    def unseen_px(self, capped: tuple[int, int]) -> tuple[float, float]:
         """Length of the rims that show no edges, px; where the tube goes on, from the first on.
 
-        With those that the tube itself covers, where no mask has an edge, or without.
+        With those that the tube itself covers, where no mask has an edge, and without.
         """
         ends = np.array(capped, dtype=np.int64)
-        return float(kernels().unseen(self.picture, self.rims_seen, ends, covered))
+        length, bare = kernels().unseen(self.picture, self.rims_seen, ends)
+        return length, bare
 
     @cached_property
     def spread(self) -> float:
@@ -205,18 +209,8 @@ class Look:
     def cap_seen(self) -> tuple[bool, bool]:
         """Whether edges make a flat end at the base, and at the tip."""
         _, _, base, tip = self.sums[0]
-        least = _CAP_SHARE * 2 * self.half_width
+        least = CAP_SHARE * 2 * self.half_width
         return base > least, tip > least
-
-    @property
-    def cap_offsets(self) -> tuple[float, float]:
-        """How far the flat ends lie beyond the tube's, base and tip, px; NaN where not seen."""
-        weight, total, _ = self.sums
-        base, tip = (
-            total[cap] / weight[cap] if seen else np.nan
-            for cap, seen in zip((2, 3), self.cap_seen, strict=True)
-        )
-        return base, tip
 
     @property
     def middle_offset(self) -> float:

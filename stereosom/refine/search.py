@@ -36,9 +36,6 @@ _NEITHER = (False, False)
 _BETTER = 0.9
 # What was tried in vain is tried again where a fit costs so many times what it did then.
 _WORSE = 1.25
-# A fit that misses so much of its outline, in half widths, or so many of the edges, as a share,
-# may follow something else than the device.
-_MISSED, _STRAY = 6.0, 0.05
 # A piece of spline is so many widths of the device long, within these numbers of pieces.
 _PIECE_WIDTHS, _FEWEST, _MOST = 8.0, 20, 60
 
@@ -75,7 +72,7 @@ class TubeSearch:
         for view, pixels in views:
             contour = mask_contour(pixels)
             cut = seen.at_border(view, contour.points, _CUT_OFF)
-            at_border.append(contour.points[cut])
+            at_border.append(np.compress(cut, contour.points, axis=0))
             edges.append(contour.where(~cut) if len(at_border[-1]) else contour)
         return cls(seen, (edges[0], edges[1]), (at_border[0], at_border[1]), radius, segments)
 
@@ -250,11 +247,7 @@ def _doubtful(fit: TubeFit) -> bool:
 
 
 def _misses(fit: TubeFit) -> bool:
-    """Whether much of the outline shows no edges, or many edges belong nowhere."""
-    missed = sum(look.unseen_px(fit.tube.capped, covered=False) for look in fit.looks)
-    return missed > _MISSED * fit.looks[0].half_width or any(
-        look.stray > _STRAY for look in fit.looks
-    )
+    return fit.misses
 
 
 def _radius_by_area(seen: Observation, curve: Floats) -> tuple[float, float]:

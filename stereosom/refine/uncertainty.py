@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..arrays import Floats
 from .kernels import kernels
 from .look import Look, Tube
+from .reference import LEAST_NOISE
 from .spline import spline_basis
 
 # Bends that a device has: so many pieces of spline tell what the views leave open. More would
@@ -12,7 +13,6 @@ from .spline import spline_basis
 _PIECES = 16
 # An edge along a row of pixels is rounded to one side for longer than a piece; so many, at most.
 _ROUNDED_PIECES = 3
-_LEAST_PX2 = 1e-6
 
 
 def covariance_along(tube: Tube, looks: tuple[Look, Look], radius_known: bool) -> Floats:
@@ -35,4 +35,4 @@ def covariance_along(tube: Tube, looks: tuple[Look, Look], radius_known: bool) -
 
 def noise_variance(looks: tuple[Look, Look]) -> float:
     """Variance that the residuals would have if each were on its own, px²."""
-    return max((looks[0].noise_variance + looks[1].noise_variance) / 2, _LEAST_PX2)
+    return max((looks[0].noise_variance + looks[1].noise_variance) / 2, LEAST_NOISE)

@@ -1,8 +1,10 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
-from .edges import contour, look, match, middle_offset, rims_seen, unseen
+from .contour import contour
+from .descent import descend, ends_shown, noise_of
+from .edges import look, match, middle_offset, rims_seen, unseen
 from .equations import by_length, covariance, crossed, roughness_like, step, sweep
-from .lengths import evenly, reach_along, steps_in_picture
+from .lengths import evenly, reach_along, reach_in_pictures, steps_in_picture
 from .noise import likeness, rounding
 from .outline import outline
 from .pairing import pair_in_order
@@ -13,14 +15,18 @@ __all__ = [
     "contour",
     "covariance",
     "crossed",
+    "descend",
+    "ends_shown",
     "evenly",
     "likeness",
     "look",
     "match",
     "middle_offset",
+    "noise_of",
     "outline",
     "pair_in_order",
     "reach_along",
+    "reach_in_pictures",
     "rims_seen",
     "roughness_like",
     "rounding",

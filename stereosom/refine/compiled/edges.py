@@ -8,11 +8,9 @@ from ..reference.edges import (
     ABOUT,
     AGREEING,
     ALONG_PX,
-    AROUND,
     COVERED_PX,
     FARTHEST,
     LEAST_SPREAD,
-    MARGIN,
     NARROWEST_PX,
     NEAR_PX,
     SPREADS,
@@ -25,60 +23,6 @@ from .outline import outline
 
 # Outline points are kept in cells of this size, px.
 CELL_PX = 4.0
-
-
-@compiled
-def contour(pixels):  # type: ignore[no-untyped-def]
-    """As `reference.contour`."""
-    left, top = np.floor(pixels[:, 0].min()) - MARGIN, np.floor(pixels[:, 1].min()) - MARGIN
-    width = int(np.rint(pixels[:, 0].max() - left)) + MARGIN + 1
-    height = int(np.rint(pixels[:, 1].max() - top)) + MARGIN + 1
-    inside = np.zeros(width * height, dtype=np.uint8)
-    at = np.empty(len(pixels), dtype=np.int64)
-    for i in range(len(pixels)):
-        column, row = int(np.rint(pixels[i, 0] - left)), int(np.rint(pixels[i, 1] - top))
-        at[i] = row * width + column
-        inside[at[i]] = 1
-    kept, count = 0, 0
-    for i in range(len(at)):
-        missing = 0
-        for step in (1, -1, width, -width):
-            missing += inside[at[i] + step] == 0
-        if missing and inside[at[i]] == 1:
-            inside[at[i]] = 2  # counted
-            at[kept] = at[i]
-            kept += 1
-            count += missing
-    at = at[:kept]
-    for i in range(kept - 1):
-        if at[i] > at[i + 1]:  # most masks come row by row
-            at = np.sort(at)
-            break
-    points, directions = np.empty((count, 2)), np.empty((count, 2))
-    around = AROUND[:, 1] * width + AROUND[:, 0]
-    k = 0
-    for step, across_x, across_y in (
-        (1, 0.5, 0.0),
-        (-1, -0.5, 0.0),
-        (width, 0.0, 0.5),
-        (-width, 0.0, -0.5),
-    ):
-        for i in range(kept):
-            if inside[at[i] + step]:
-                continue
-            points[k, 0] = at[i] % width + across_x + left
-            points[k, 1] = at[i] // width + across_y + top
-            to_x, to_y = 0, 0
-            for j in range(len(around)):
-                near = at[i] + around[j]
-                beside = (inside[near] != 0) + (inside[near + step] != 0)
-                to_x += beside * AROUND[j, 0]
-                to_y += beside * AROUND[j, 1]
-            x, y = 0.5 * across_x - to_x, 0.5 * across_y - to_y
-            length = max(np.sqrt(x**2 + y**2), 1e-9)
-            directions[k, 0], directions[k, 1] = x / length, y / length
-            k += 1
-    return points, directions
 
 
 @compiled
@@ -255,10 +199,10 @@ def middle_offset(weight, total, samples):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def unseen(picture, seen, capped, covered=True):  # type: ignore[no-untyped-def]
+def unseen(picture, seen, capped):  # type: ignore[no-untyped-def]
     """As `reference.unseen`."""
     n = seen.shape[1]
-    length = 0.0
+    length, bare = 0.0, 0.0
     for rim in range(2):
         start, stop = 0, n
         found = np.flatnonzero(seen[rim])
@@ -266,11 +210,14 @@ def unseen(picture, seen, capped, covered=True):  # type: ignore[no-untyped-def]
             start = 0 if capped[0] else found[0]
             stop = n if capped[1] else found[-1]
         for i in range(start, stop):
-            if not seen[rim, i] and (covered or not _covered(picture, n, rim * n + i)):
+            if not seen[rim, i]:
                 before, after = max(i - 1, 0), min(i + 1, n - 1)
                 step = picture[rim * n + after] - picture[rim * n + before]
-                length += np.hypot(step[0], step[1]) / (after - before)
-    return length
+                spacing = np.hypot(step[0], step[1]) / (after - before)
+                length += spacing
+                if not _covered(picture, n, rim * n + i):
+                    bare += spacing
+    return length, bare
 
 
 @compiled

@@ -56,3 +56,15 @@ def steps_in_picture(projection, curve):  # type: ignore[no-untyped-def]
         before_x, before_y = x, y
         depth += place[2]
     return steps, depth / n
+
+
+@compiled
+def reach_in_pictures(projection_a, focal_a, projection_b, focal_b, curve):  # type: ignore[no-untyped-def]
+    """As `reference.reach_in_pictures`."""
+    steps_a, depth_a = steps_in_picture(projection_a, curve)
+    steps_b, depth_b = steps_in_picture(projection_b, curve)
+    reach = np.zeros(len(curve))
+    for i in range(len(steps_a)):
+        step = max(steps_a[i] * depth_a / focal_a, steps_b[i] * depth_b / focal_b)
+        reach[i + 1] = reach[i] + step
+    return reach

@@ -24,55 +24,6 @@ NEAR_PX, LEAST_SPREAD, SPREADS, FARTHEST = 5.0, 0.5, 4.0, 2.0
 COVERED_PX = 1.5
 # An edge lies about an end that is no farther off than so many half widths.
 ABOUT = 2.0
-# The outward direction of a mask's edge is read off the pixels around it, within this distance.
-_AROUND_PX = 3
-MARGIN = _AROUND_PX + 2
-AROUND = np.array(
-    [
-        (x, y)
-        for y in range(-_AROUND_PX, _AROUND_PX + 1)
-        for x in range(-_AROUND_PX, _AROUND_PX + 1)
-        if 0 < x**2 + y**2 <= _AROUND_PX**2
-    ]
-)
-
-
-def contour(pixels: Floats) -> tuple[Floats, Floats]:
-    """Edge points of a mask, and the outward directions there; see `mask_contour`.
-
-    Parameters
-    ----------
-    pixels : (n, 2) array
-
-    Returns
-    -------
-    (m, 2) array, px; (m, 2) array of unit vectors
-    """
-    corner = np.floor(pixels.min(axis=0)) - MARGIN
-    cells = np.rint(pixels - corner).astype(np.int64)
-    width, height = cells.max(axis=0) + MARGIN + 1
-    inside = np.zeros(width * height, dtype=np.uint8)
-    at = np.unique(cells[:, 1] * width + cells[:, 0])  # in one order, whatever theirs is
-    inside[at] = 1
-    points, directions = [], []
-    for step, across in (
-        (1, (0.5, 0.0)),
-        (-1, (-0.5, 0.0)),
-        (width, (0.0, 0.5)),
-        (-width, (0.0, -0.5)),
-    ):
-        edge = inside[at + step] == 0
-        points.append(np.column_stack([at[edge] % width, at[edge] // width]) + across)
-        away = np.zeros((int(edge.sum()), 2))
-        for x, y in AROUND:
-            beside = inside[at[edge] + y * width + x].astype(float)
-            beside += inside[at[edge] + step + y * width + x]
-            away -= beside[:, None] * (float(x), float(y))
-        # Of a line of single pixels both sides look alike: then outward is away from the pixel.
-        directions.append(away + np.multiply(across, 0.5))
-    direction = np.vstack(directions)
-    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
-    return np.vstack(points) + corner, direction
 
 
 def match(
@@ -246,7 +197,7 @@ def middle_offset(weight: Floats, total: Floats, samples: int) -> float:
     return float(np.sqrt(np.mean(offsets**2))) if len(offsets) else 0.0
 
 
-def unseen(picture: Floats, seen: Booleans, capped: Integers, covered: bool = True) -> float:
+def unseen(picture: Floats, seen: Booleans, capped: Integers) -> tuple[float, float]:
     """Length of the rims that show no edges, px; where the tube goes on, from the first on.
 
     Parameters
@@ -257,11 +208,15 @@ def unseen(picture: Floats, seen: Booleans, capped: Integers, covered: bool = Tr
         As from `rims_seen`.
     capped : (2,) array of int
         As of `outline`.
-    covered : bool
-        Whether rims count that the tube itself covers, where no mask has an edge.
+
+    Returns
+    -------
+    float
+    float
+        The same without what the tube itself covers, where no mask has an edge.
     """
     left, right, _, _ = pieces(seen.shape[1])
-    length = 0.0
+    length = bare = 0.0
     for rim, shown in zip((left, right), seen, strict=True):
         spacing = np.linalg.norm(np.gradient(picture[rim], axis=0), axis=1)
         found = np.flatnonzero(shown)
@@ -269,10 +224,10 @@ def unseen(picture: Floats, seen: Booleans, capped: Integers, covered: bool = Tr
         stop = None if capped[1] or len(found) == 0 else found[-1]
         missing = np.zeros(len(shown), dtype=bool)
         missing[start:stop] = ~shown[start:stop]
-        if not covered:
-            missing[missing] = ~_within(picture[rim][missing], picture[left], picture[right])
         length += float(np.sum(spacing[missing]))
-    return length
+        missing[missing] = ~_within(picture[rim][missing], picture[left], picture[right])
+        bare += float(np.sum(spacing[missing]))
+    return length, bare
 
 
 def _within(points: Floats, left: Floats, right: Floats) -> Booleans:

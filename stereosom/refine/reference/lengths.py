@@ -46,3 +46,25 @@ def steps_in_picture(projection: Floats, curve: Floats) -> tuple[Floats, float]:
     homogeneous = curve @ projection[:, :3].T + projection[:, 3]
     picture = homogeneous[:, :2] / homogeneous[:, 2:]
     return np.linalg.norm(np.diff(picture, axis=0), axis=1), float(homogeneous[:, 2].mean())
+
+
+def reach_in_pictures(
+    projection_a: Floats, focal_a: float, projection_b: Floats, focal_b: float, curve: Floats
+) -> Floats:
+    """Length along a curve up to each point, as the picture shows it that shows more, (n,), mm.
+
+    Where the views leave depth open, length in space would count errors of it.
+
+    Parameters
+    ----------
+    projection_a, projection_b
+        As of `steps_in_picture`.
+    focal_a, focal_b : float
+        px.
+    curve : (n, 3) array
+        mm.
+    """
+    steps_a, depth_a = steps_in_picture(projection_a, curve)
+    steps_b, depth_b = steps_in_picture(projection_b, curve)
+    steps = np.maximum(steps_a * depth_a / focal_a, steps_b * depth_b / focal_b)
+    return np.concatenate([[0.0], np.cumsum(steps)])
