@@ -22,7 +22,7 @@ from .numba_options import compiled
 from .outline import outline
 
 # Outline points are kept in cells of this size, px.
-CELL_PX = 4.0
+CELL_PX = 8.0
 
 
 @compiled
@@ -38,52 +38,33 @@ def match(picture, normals, bend, samples, points, directions, turning, reach): 
         start += length
     nearest = np.full(len(points), -1, dtype=np.int64)
     residual = np.zeros(len(points))
-    cell = CELL_PX
-    rings = int(reach / cell) + 1
-    left, top = points[:, 0].min() - 2 * cell, points[:, 1].min() - 2 * cell
-    columns = int((points[:, 0].max() - left) / cell) + 3
-    rows = int((points[:, 1].max() - top) / cell) + 3
-    # Chains of outline points by cell: the last one in each, and the one before each.
-    last = np.full(rows * columns, -1, dtype=np.int32)
-    previous = np.full(count, -1, dtype=np.int32)
-    for k in range(count):
-        x, y = (picture[k, 0] - left) / cell, (picture[k, 1] - top) / cell
-        if 0 <= x < columns and 0 <= y < rows:
-            at = int(y) * columns + int(x)
-            previous[k], last[at] = last[at], k
-    turning_squared = turning**2
+    left, top = points[:, 0].min() - 2 * CELL_PX, points[:, 1].min() - 2 * CELL_PX
+    columns = int((points[:, 0].max() - left) / CELL_PX) + 3
+    rows = int((points[:, 1].max() - top) / CELL_PX) + 3
+    listed, number, begins = _by_cell(picture, normals, turning, left, top, columns, rows)
     for i in range(len(points)):
         px, py = points[i, 0], points[i, 1]
         dx, dy = directions[i, 0], directions[i, 1]
-        column, row = int((px - left) / cell), int((py - top) / cell)
-        best, found = reach**2, -1
-        in_x, in_y = px - left - column * cell, py - top - row * cell
-        inner = min(in_x, cell - in_x, in_y, cell - in_y)
-        for ring in range(rings + 1):
-            # All beyond the rings that were searched are farther off than this.
-            if ring and best <= (inner + (ring - 1) * cell) ** 2:
-                break
-            for near_row in range(max(row - ring, 0), min(row + ring + 1, rows)):
-                edge = near_row == row - ring or near_row == row + ring
-                above = _beyond(py - top, near_row * cell, cell)
-                if above**2 >= best:
-                    continue
-                for near_column in range(column - ring, column + ring + 1, 1 if edge else 2 * ring):
-                    if near_column < 0 or near_column >= columns:
-                        continue
-                    if above**2 + _beyond(px - left, near_column * cell, cell) ** 2 >= best:
-                        continue
-                    k = last[near_row * columns + near_column]
-                    while k >= 0:
-                        squared = (px - picture[k, 0]) ** 2 + (py - picture[k, 1]) ** 2
-                        if squared < best:
-                            turned = (dx - normals[k, 0]) ** 2 + (dy - normals[k, 1]) ** 2
-                            squared += turning_squared * turned
-                            if squared < best:
-                                best, found = squared, k
-                        k = previous[k]
+        edge = px, py, turning * dx, turning * dy
+        # Half a cell lies between an edge and what is farther than these four cells.
+        column, row = int((px - left) / CELL_PX - 0.5), int((py - top) / CELL_PX - 0.5)
+        at = row * columns + column
+        best, found = _nearest(edge, listed, begins[at], begins[at + 2], reach**2, -1)
+        at += columns
+        best, found = _nearest(edge, listed, begins[at], begins[at + 2], best, found)
+        if best > (CELL_PX / 2) ** 2:
+            near = np.sqrt(best)
+            start = max(int((px - near - left) / CELL_PX), 0)
+            stop = min(int((px + near - left) / CELL_PX), columns - 1) + 1
+            above = max(int((py - near - top) / CELL_PX), 0)
+            below = min(int((py + near - top) / CELL_PX), rows - 1) + 1
+            for at in range(above * columns, below * columns, columns):
+                best, found = _nearest(
+                    edge, listed, begins[at + start], begins[at + stop], best, found
+                )
         if found < 0:
             continue
+        found = number[found]
         nx, ny = normals[found, 0], normals[found, 1]
         if dx * nx + dy * ny <= AGREEING:
             continue
@@ -94,6 +75,44 @@ def match(picture, normals, bend, samples, points, directions, turning, reach): 
         nearest[i] = found
         residual[i] = ox * nx + oy * ny + 0.5 * bend[found] * along**2
     return nearest, residual
+
+
+@compiled
+def _by_cell(picture, normals, turning, left, top, columns, rows):  # type: ignore[no-untyped-def]
+    """Points of an outline in the order of their cells, what their numbers are, where cells begin.
+
+    Of each its place, px, and its normal times `turning`. Those beyond the grid are in its border.
+    """
+    count = len(picture)
+    place = np.empty(count, dtype=np.int64)
+    begins = np.zeros(rows * columns + 2, dtype=np.int64)
+    for k in range(count):
+        x = min(max((picture[k, 0] - left) / CELL_PX, 0.0), columns - 1.0)
+        y = min(max((picture[k, 1] - top) / CELL_PX, 0.0), rows - 1.0)
+        place[k] = int(y) * columns + int(x)
+        begins[place[k] + 2] += 1
+    for cell in range(2, len(begins)):
+        begins[cell] += begins[cell - 1]
+    listed, number = np.empty((count, 4)), np.empty(count, dtype=np.int64)
+    for k in range(count):
+        at = begins[place[k] + 1]
+        listed[at, 0], listed[at, 1] = picture[k, 0], picture[k, 1]
+        listed[at, 2], listed[at, 3] = turning * normals[k, 0], turning * normals[k, 1]
+        number[at] = k
+        begins[place[k] + 1] += 1  # it ends where the next one begins
+    return listed, number, begins
+
+
+@compiled
+def _nearest(edge, listed, start, stop, best, found):  # type: ignore[no-untyped-def]
+    """The nearest to an edge among some points of an outline, if it is nearer than the best."""
+    x, y, dx, dy = edge
+    for k in range(start, stop):
+        squared = (x - listed[k, 0]) ** 2 + (y - listed[k, 1]) ** 2
+        squared += (dx - listed[k, 2]) ** 2 + (dy - listed[k, 3]) ** 2
+        if squared < best:
+            best, found = squared, k
+    return best, found
 
 
 @compiled
@@ -128,6 +147,7 @@ def look(projection, center, curve, tangents, radius, capped, points, directions
         for axis in range(2):
             ends[end, axis] = (picture[at, axis] + picture[len(curve) + at, axis]) / 2
     kept, weights, pulls, holds = 0, 0.0, 0.0, 0.0
+    scale = 1 / (2 * spread) if spread > 0 else 0.0
     for i in range(len(points)):
         k, r = nearest[i], residual[i]
         if k < 0 or not abs(r) < limit:
@@ -135,7 +155,7 @@ def look(projection, center, curve, tangents, radius, capped, points, directions
                 away = (points[i, 0] - ends[end, 0]) ** 2 + (points[i, 1] - ends[end, 1]) ** 2
                 about[end] += away < (ABOUT * half_width) ** 2
             continue
-        far = (r / (2 * spread)) ** 2 if spread > 0 else 0.0
+        far = (r * scale) ** 2
         w = 1 / (1 + far)
         weight[k] += w
         total[k] += w * r
@@ -231,9 +251,3 @@ def _covered(picture, samples, at):  # type: ignore[no-untyped-def]
         if away < half_width - COVERED_PX:
             return True
     return False
-
-
-@compiled
-def _beyond(place, start, length):  # type: ignore[no-untyped-def]
-    """How far a place lies outside of a stretch."""
-    return max(start - place, place - start - length, 0.0)

@@ -61,12 +61,12 @@ def rounding(picture, normals, weight, samples, together):  # type: ignore[no-un
 @compiled
 def _mean(values, half, found):  # type: ignore[no-untyped-def]
     """Fill in the mean over as many values before as after; beyond both ends the last stand."""
-    last = len(values) - 1
+    last, share = len(values) - 1, 1 / (2 * half + 1)
     running = 0.0
     for k in range(-half, half + 1):
         running += values[min(max(k, 0), last)]
     for k in range(last + 1):
-        found[k] = running / (2 * half + 1)
+        found[k] = running * share
         running += values[min(k + half + 1, last)] - values[max(k - half, 0)]
 
 

@@ -113,11 +113,11 @@ def _frame(center, at, tangent, radius, toward, beside):  # type: ignore[no-unty
     for axis in range(3):
         toward[axis] = along * tangent[axis] - (at[axis] - center[axis])
         distance += toward[axis] ** 2
-    distance = max(np.sqrt(distance), 1e-12)
+    nearness = 1 / max(np.sqrt(distance), 1e-12)
     for axis in range(3):
-        toward[axis] /= distance
+        toward[axis] *= nearness
     _cross(tangent, toward, beside)
-    cosine = min(max(radius / distance, 0.0), 1.0)
+    cosine = min(max(radius * nearness, 0.0), 1.0)
     return cosine, np.sqrt(1 - cosine**2)
 
 
