@@ -21,6 +21,7 @@ from .kernels import kernels
 from .odd_ends import nearer_or_farther, with_better_ends
 from .reference import FLAT, OPEN, ROUND
 from .start import first_curve, matched_curve
+from .walked import walked
 
 # Points of a curve that a fit begins with.
 _SAMPLES = 121
@@ -168,6 +169,9 @@ class TubeSearch:
     def _followed(self, curve: Floats, rounded: tuple[bool, bool]) -> TubeFit:
         """Fit from a curve (n, 3) near by, from some of the edges first where there are many."""
         radius, half_width = _radius_by_area(self.seen, curve)
+        if not eyes_alike(self.seen.rig):
+            curve = walked(self.seen, curve, self.radius or radius, rounded)
+            radius, half_width = _radius_by_area(self.seen, curve)
         # A device that is wide in the picture moves farther.
         gates = (half_width, *ON_TRACK) if half_width > ON_TRACK[0] else ON_TRACK
         follow = partial(

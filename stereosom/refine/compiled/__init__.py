@@ -8,6 +8,7 @@ from .lengths import evenly, reach_along, reach_in_pictures, steps_in_picture
 from .noise import likeness, rounding
 from .outline import outline
 from .pairing import pair_in_order
+from .walk import walk
 
 __all__ = [
     "by_length",
@@ -33,4 +34,5 @@ __all__ = [
     "steps_in_picture",
     "sweep",
     "unseen",
+    "walk",
 ]

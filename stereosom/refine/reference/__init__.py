@@ -13,6 +13,7 @@ from .lengths import evenly, reach_along, reach_in_pictures, steps_in_picture
 from .noise import HARMONICS, likeness, rounding
 from .outline import CAP_POINTS, FLAT, NOWHERE, OPEN, ROUND, outline, owners, pieces
 from .pairing import pair_in_order
+from .walk import walk
 
 __all__ = [
     "CAP_POINTS",
@@ -50,4 +51,5 @@ __all__ = [
     "steps_in_picture",
     "sweep",
     "unseen",
+    "walk",
 ]
