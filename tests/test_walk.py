@@ -67,6 +67,17 @@ def test_a_guess_that_is_near_is_left_to_the_fit():
     assert walked(observe(swung(2), RADIUS, RIG), guess, RADIUS, SHARP) is guess
 
 
+def test_a_guess_that_lies_on_both_masks_is_not_walked():
+    true = swung(0)
+    seen, rounded = observe(true, RADIUS, RIG), np.array(SHARP)
+    views = RIG.a.projection, seen.pixels_a, RIG.b.projection, seen.pixels_b
+    inner = true.between(2.0, true.length - 2.0)
+    path, _ = reference.walk(*views, guess_of(inner), RADIUS, rounded)
+    assert len(path) == 0
+    path, _ = reference.walk(*views, guess_of(swung(20)), RADIUS, rounded)
+    assert len(path) > 100
+
+
 def test_a_guess_elsewhere_is_left_as_it_is():
     guess = guess_of(swung(0))
     away = swung(0).transformed(np.eye(3), [30.0, 30.0, 0])

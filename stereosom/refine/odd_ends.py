@@ -33,6 +33,9 @@ _CLEAR = 1.5
 _TOLD = 0.99
 # An end is first fitted with so many passes, and then with so many more, up to such steps, px.
 _SOON, _LATE, _SETTLED_PX = 4, 12, 0.1
+# Ends bent nearer or farther that look alike lie some radius apart: from so many radii away, an
+# end finds the other one.
+_NEARER_OR_FARTHER = (2.0, -2.0)
 # What costs so many times as much as the best after the first of them is given up.
 _HOPELESS = 3.0
 # Which way the end of a narrower device bends, of such a half width, is not told, px.
@@ -65,7 +68,7 @@ def nearer_or_farther(
         piece = EndPiece.of(rig, fit, edges, end)
         with suppress(HardFrame):
             best = before = piece.fit(piece.curve, shape, settled_px=settled_px)
-            for start in bent_in_depth(rig, before.tube, end, (1.0, -1.0)):
+            for start in bent_in_depth(rig, before.tube, end, _NEARER_OR_FARTHER):
                 with suppress(HardFrame):
                     best = min(best, piece.fit(start, shape, settled_px=settled_px), key=_cost)
             if best.cost < before.cost - told:

@@ -170,8 +170,10 @@ class TubeSearch:
         """Fit from a curve (n, 3) near by, from some of the edges first where there are many."""
         radius, half_width = _radius_by_area(self.seen, curve)
         if not eyes_alike(self.seen.rig):
-            curve = walked(self.seen, curve, self.radius or radius, rounded)
-            radius, half_width = _radius_by_area(self.seen, curve)
+            moved = walked(self.seen, curve, self.radius or radius, rounded)
+            if moved is not curve:
+                curve = moved
+                radius, half_width = _radius_by_area(self.seen, curve)
         # A device that is wide in the picture moves farther.
         gates = (half_width, *ON_TRACK) if half_width > ON_TRACK[0] else ON_TRACK
         follow = partial(

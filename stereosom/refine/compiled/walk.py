@@ -27,7 +27,13 @@ from .numba_options import compiled
 def walk(projection_a, pixels_a, projection_b, pixels_b, guess, radius, rounded):  # type: ignore[no-untyped-def]
     """As `reference.walk`."""
     view_a, view_b = drawn(projection_a, pixels_a), drawn(projection_b, pixels_b)
-    n = len(guess)
+    n, off = len(guess), 0
+    for place in guess:
+        x_a, y_a = shown_at(view_a, place, place)[:2]
+        x_b, y_b = shown_at(view_b, place, place)[:2]
+        off += not (has(view_a, x_a, y_a) and has(view_b, x_b, y_b))
+    if off == 0:
+        return np.empty((0, 3)), 0
     headings = np.empty((n, 3))
     for k in range(n):
         headings[k] = guess[min(k + 1, n - 1)] - guess[max(k - 1, 0)]

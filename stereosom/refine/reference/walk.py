@@ -154,7 +154,7 @@ def walk(
     Returns
     -------
     way : (k, 3) array
-        mm. Empty where the guess lies nowhere on both masks.
+        mm. Empty where all of the guess lies on both masks, or nothing.
     first : int
         Which step of the guess the first of it stands for; before the guess's own, less than zero.
     """
@@ -163,6 +163,8 @@ def walk(
     headings[1:-1] = guess[2:] - guess[:-2]
     headings[0], headings[-1] = guess[1] - guess[0], guess[-1] - guess[-2]
     headings /= np.linalg.norm(headings, axis=1)[:, None]
+    if all(view.has(view.shows(place, place)[0]) for place in guess for view in views):
+        return np.empty((0, 3)), 0
     # It begins in the middle of the longest stretch that lies on both.
     longest, run, begin = 0, 0, 0
     for at in range(len(guess)):
