@@ -128,12 +128,18 @@ def _watched(
 
 def describe_inputs(paths: Iterable[Path]) -> list[dict[str, Any]]:
     """Path and SHA-256 of each input file, for the record of a run."""
-    described = []
-    for path in paths:
-        with open(path, "rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        described.append({"path": str(Path(path).resolve()), "sha256": digest})
-    return described
+    paths = list(paths)
+    with ThreadPoolExecutor() as pool:  # both planes at once
+        digests = list(pool.map(_digest, paths))
+    return [
+        {"path": str(Path(path).resolve()), "sha256": digest}
+        for path, digest in zip(paths, digests, strict=True)
+    ]
+
+
+def _digest(path: Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _again(frames: Sequence[int], done: set[int], left: Sequence[int]) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,8 @@ class BiplaneSegmenter:
 
 def _searched(view_a: View, view_b: View, rig: StereoRig) -> tuple[Tube | None, Tube | None]:
     """Tubes of the two lines, one of each view, that agree best."""
-    seen_a, seen_b = candidates(view_a), candidates(view_b)
+    with ThreadPoolExecutor() as pool:  # there is nothing else to be done meanwhile
+        seen_a, seen_b = pool.map(candidates, (view_a, view_b))
     for _ in range(3):
         pair = agreeing(rig, seen_a, seen_b)
         if pair is None:
