@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from stereosom.arrays import Floats
+from stereosom.polygons import clipped
 
 from .model import Lens
 
@@ -117,13 +118,5 @@ def _touched(sides: list[tuple[Floats, Floats]], pixels: Any) -> list[tuple[Floa
 
 def _cut(corners: Floats, place: Floats, inward: Floats) -> Floats:
     """The part of a convex polygon on the inner side of a line; all of it if that is nothing."""
-    height = (corners - place) @ inward
-    kept: list[Floats] = []
-    for i in range(len(corners)):
-        j = (i + 1) % len(corners)
-        if height[i] >= 0:
-            kept.append(corners[i])
-        if (height[i] >= 0) != (height[j] >= 0):
-            share = height[i] / (height[i] - height[j])
-            kept.append(corners[i] + share * (corners[j] - corners[i]))
-    return np.array(kept) if len(kept) > 2 else corners
+    kept = clipped(corners, np.append(inward, -place @ inward))
+    return kept if len(kept) > 2 else corners
