@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..numba_options import compiled
 from .reference.thinning import REMOVABLE, RING
 from .reference.tracing import DIAGONAL, STRAIGHT
-
-compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 _REMOVABLE = np.stack(REMOVABLE)
 _RING = np.array(RING)

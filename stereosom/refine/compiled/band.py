@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .numba_options import compiled
+from ...numba_options import compiled
 
 WIDTH = 12
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...arrays import Integers
+from ...numba_options import compiled
 from ..reference.contour import AROUND, MARGIN
-from .numba_options import compiled
 
 # From a pixel to those that an edge may lie towards, and half-way there.
 _STEPS = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])

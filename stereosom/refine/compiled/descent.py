@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...numba_options import compiled
 from ..reference.descent import (
     APART_PX,
     CAP_SHARE,
@@ -19,7 +20,6 @@ from ..reference.outline import CAP_POINTS, OPEN
 from .edges import look
 from .equations import crossed, step, sweep
 from .noise import likeness
-from .numba_options import compiled
 
 
 @compiled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...numba_options import compiled
 from ..reference.edges import (
     ABOUT,
     AGREEING,
@@ -18,7 +19,6 @@ from ..reference.edges import (
     WIDEST_PX,
 )
 from ..reference.outline import CAP_POINTS
-from .numba_options import compiled
 from .outline import outline
 
 # Outline points are kept in cells of this size, px.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...numba_options import compiled
 from ..reference.equations import FLOOR, HELD, SLIDING
 from ..reference.outline import CAP_POINTS
 from ..spline import ORDER
 from . import band
 from .noise import rounding
-from .numba_options import compiled
 
 
 @compiled

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...numba_options import compiled
 from ..reference.noise import HARMONICS, IN_A_ROW
 from ..reference.outline import CAP_POINTS
-from .numba_options import compiled
 
 
 @compiled

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...numba_options import compiled
 from ..reference.outline import CAP_POINTS, NOWHERE, OPEN, ROUND, SHARPEST
-from .numba_options import compiled
 
 
 @compiled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...numba_options import compiled
 from ..reference.walk import (
     ALIKE,
     BESIDE_PX,
@@ -18,7 +19,6 @@ from ..reference.walk import (
     TURNED,
     WIDEST,
 )
-from .numba_options import compiled
 
 # A view is a tuple: its projection, the mask, and the column and row of the mask's corner.
 

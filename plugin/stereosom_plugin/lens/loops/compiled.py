@@ -5,14 +5,15 @@ from __future__ import annotations
 from math import ceil
 
 import numpy as np
-from numba import njit
+
+from stereosom.numba_options import compiled
 
 from .reference import CELL_PX
 
 _ALL = 2**CELL_PX - 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def covered(mask, some, full, cells, quads, boxes, within):  # type: ignore[no-untyped-def]
     """As `reference.covered`."""
     left, top, right, bottom = _bounds(some)
@@ -61,7 +62,7 @@ def covered(mask, some, full, cells, quads, boxes, within):  # type: ignore[no-u
     return pixels
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _bounds(some):  # type: ignore[no-untyped-def]
     """First column and row of True, and those after the last."""
     rows, columns = some.shape
@@ -74,7 +75,7 @@ def _bounds(some):  # type: ignore[no-untyped-def]
     return left, top, right, bottom
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _some_and_all(mask, quad, within):  # type: ignore[no-untyped-def]
     """Whether a mask holds any pixel of the box about a cell's corners, and all of them."""
     rows, columns = mask.shape
@@ -93,7 +94,7 @@ def _some_and_all(mask, quad, within):  # type: ignore[no-untyped-def]
     return some, every
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _look_up(mask, quad, drawn):  # type: ignore[no-untyped-def]
     """Which pixels of a cell a mask covers for a half, and how many."""
     rows, wide = mask.shape

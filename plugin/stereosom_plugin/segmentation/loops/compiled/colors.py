@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .numba_options import compiled
+from stereosom.numba_options import compiled
 
 
 @compiled

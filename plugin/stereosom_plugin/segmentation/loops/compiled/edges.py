@@ -6,8 +6,9 @@ from math import ceil, sqrt
 
 import numpy as np
 
+from stereosom.numba_options import compiled
+
 from .lines import _mirrored
-from .numba_options import compiled
 
 
 @compiled

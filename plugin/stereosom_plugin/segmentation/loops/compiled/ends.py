@@ -6,8 +6,9 @@ from math import exp, floor, sqrt
 
 import numpy as np
 
+from stereosom.numba_options import compiled
+
 from .lines import _mirrored
-from .numba_options import compiled
 from .profiles import _solve
 
 

@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 
-from .numba_options import compiled
+from stereosom.numba_options import compiled
 
 # Rows of so many values are looked through for their middle, of which a sample of so many tells.
 LONG, SAMPLED = 96, 24

@@ -6,7 +6,7 @@ from math import erfc, exp, pi, sqrt
 
 import numpy as np
 
-from .numba_options import compiled
+from stereosom.numba_options import compiled
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""How the loops are compiled: kept on disk, and free to run beside others."""
+"""How inner loops are compiled: kept on disk, and free to run beside others. Needs numba."""
 
 from numba import njit
 

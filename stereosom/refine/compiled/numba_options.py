@@ -1,6 +1,0 @@
-"""How the loops are compiled: kept on disk, and free to run beside others."""
-
-from numba import njit
-
-# Divisions by zero are numpy's: they give infinity, and are not looked for at each of them.
-compiled = njit(cache=True, fastmath=False, nogil=True, error_model="numpy")
