@@ -62,6 +62,7 @@ class Backbone:
         knots = _checked_knots(knots.tobytes(), len(coefficients), self.degree)
         object.__setattr__(self, "coefficients", coefficients)
         object.__setattr__(self, "knots", knots)
+        # Of nearly all curves the two ends tell at once that it has one.
         first, last = coefficients[0].tolist(), coefficients[-1].tolist()
         if first == last and (coefficients == coefficients[0]).all():
             raise ValueError("backbone: the curve has no length")

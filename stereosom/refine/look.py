@@ -109,14 +109,7 @@ class Look:
     slant: tuple[float, float]
 
     @classmethod
-    def at(
-        cls,
-        tube: Tube,
-        camera: Camera,
-        contour: Contour,
-        gate: float | None,
-        shown: Integers | None = None,
-    ) -> Look:
+    def at(cls, tube: Tube, camera: Camera, contour: Contour, gate: float | None) -> Look:
         """Match a contour to a tube's outline.
 
         Parameters
@@ -127,8 +120,6 @@ class Look:
         gate : float, optional
             Edges farther off, px, are no part of it. Where not given, those are not that lie
             beyond some times the spread, and the far ones among the others count less.
-        shown : (2,) array of int, optional
-            As `capped` of the tube, where this view does not show both ends. Default: it does.
 
         Raises
         ------
@@ -142,7 +133,7 @@ class Look:
                 tube.curve,
                 tube.tangents,
                 tube.radius,
-                np.array(tube.capped, dtype=np.int64) if shown is None else shown,
+                np.array(tube.capped, dtype=np.int64),
                 contour.points,
                 contour.directions,
                 float(gate or 0.0),

@@ -18,6 +18,7 @@ from .fit import AS_BEGUN, TubeFit
 from .look import Tube
 from .reach import bent_in_depth, lengthened, looked_along, other_ends, run_on
 from .reference import FLAT, ROUND
+from .uncertainty import noise_variance
 
 # Fits a curve (n, 3), mm, to all edges: refit(curve, radius, gates, **details of fit_tube).
 Refit = Callable[..., TubeFit]
@@ -33,8 +34,8 @@ _CLEAR = 1.5
 _TOLD = 0.99
 # An end is first fitted with so many passes, and then with so many more, up to such steps, px.
 _SOON, _LATE, _SETTLED_PX = 4, 12, 0.1
-# Ends bent nearer or farther that look alike lie some radius apart: from so many radii away, an
-# end finds the other one.
+# Ends that look alike along a sight lie about a radius apart: an end finds the other one from so
+# many radii nearer, or farther.
 _NEARER_OR_FARTHER = (2.0, -2.0)
 # What costs so many times as much as the best after the first of them is given up.
 _HOPELESS = 3.0
@@ -144,8 +145,7 @@ def _ball(piece: EndPiece, flat: TubeFit | None) -> TubeFit | None:
         flat = flat or piece.fit(piece.curve, FLAT, passes=_SOON, settled_px=_SETTLED_PX)
         start, _ = _other_shape(flat.tube, end)
         ball = piece.fit(start, ROUND, passes=_LATE, settled_px=_SETTLED_PX)
-        noise = sum(look.noise_variance for look in piece.whole.looks) / 2
-        told = (flat.cost - ball.cost) / (2 * max(noise, 1e-6))
+        told = (flat.cost - ball.cost) / (2 * noise_variance(piece.whole.looks))
         straighter = _bending(flat.tube) - _bending(ball.tube)
         likelier = told + _BENT * straighter > _FLAT
         if likelier and (flat.odd_ends[end] or not ball.odd_ends[end]):

@@ -96,13 +96,7 @@ class TubeSearch:
                 radius, _ = _radius_by_area(self.seen, expected)
                 capped = self._capped(expected, radius, rounded)
                 fits.append(self._fit(expected, radius, FROM_AFAR, capped=capped))
-
-        def begun(begin: Callable[[Observation], tuple[Floats, float]], **details: Any) -> TubeFit:
-            curve, radius = begin(self.seen)
-            if expected is not None and _runs_backwards(curve, expected):
-                curve = curve[::-1]
-            return self._fit(curve, radius, capped=self._capped(curve, radius, rounded), **details)
-
+        begun = partial(self._begun, expected, rounded)
         begins = [partial(begun, first_curve, gates=gates) for gates in (FROM_NEAR, FROM_AFAR)]
         if not close:
             begins = [partial(begun, matched_curve, gates=FROM_AFAR, passes=_SOON), begins[0]]
@@ -112,7 +106,7 @@ class TubeSearch:
             except HardFrame as error:
                 refused = error
                 continue
-            if not (_doubtful(fits[-1]) if close else _misses(fits[-1])):
+            if not (_doubtful(fits[-1]) if close else fits[-1].misses):
                 break
         if not fits:
             raise refused or HardFrame("the two views do not show the same device")
@@ -136,12 +130,12 @@ class TubeSearch:
         curve = start.polyline(_SAMPLES)
         rounded = tried.round_ends if tried else _NEITHER
         fit = self._followed(curve, rounded)
-        if not eyes_alike(self.seen.rig) and not _misses(fit):
+        if not eyes_alike(self.seen.rig) and not fit.misses:
             fit = nearer_or_farther(self.seen.rig, fit, self.edges, self._fit, _FOLLOWED_PX)
         if _as_good(fit, tried):
             return fit, tried
         odd = fit.odd_ends
-        if not fit.ends_seen and not _misses(fit):  # near, but for an end
+        if not fit.ends_seen and not fit.misses:  # near, but for an end
             with suppress(HardFrame):
                 again = self._fit(fit.tube.curve, fit.radius, FROM_NEAR, capped=fit.tube.capped)
                 fit = min(fit, again, key=_cost)
@@ -149,7 +143,7 @@ class TubeSearch:
                 return fit, tried
         other = None
         # An end that is seen, and odd all the same, is so anywhere.
-        if _misses(fit) or not fit.ends_seen:
+        if fit.misses or not fit.ends_seen:
             with suppress(HardFrame):
                 other = self.anywhere(curve, rounded)
         if other is None or other.cost >= _BETTER * fit.cost:
@@ -157,6 +151,19 @@ class TubeSearch:
         if other is not None and other.cost < _BETTER * fit.cost:
             fit = other
         return fit, what_was_tried(fit, odd)
+
+    def _begun(
+        self,
+        expected: Floats | None,
+        rounded: tuple[bool, bool],
+        begin: Callable[[Observation], tuple[Floats, float]],
+        **details: Any,
+    ) -> TubeFit:
+        """Fit from a curve and radius that are read off the masks, as of `anywhere`."""
+        curve, radius = begin(self.seen)
+        if expected is not None and _runs_backwards(curve, expected):
+            curve = curve[::-1]
+        return self._fit(curve, radius, capped=self._capped(curve, radius, rounded), **details)
 
     def _with_better_ends(self, fit: TubeFit) -> TubeFit:
         """The best of what its ends may be; what stopped soon goes on, where that is as it is."""
@@ -268,11 +275,7 @@ def _pieces(curve: Floats, radius: float) -> int:
 
 def _doubtful(fit: TubeFit) -> bool:
     """Whether a fit misses much of what is seen, or ends where no end is seen."""
-    return _misses(fit) or any(fit.odd_ends)
-
-
-def _misses(fit: TubeFit) -> bool:
-    return fit.misses
+    return fit.misses or any(fit.odd_ends)
 
 
 def _radius_by_area(seen: Observation, curve: Floats) -> tuple[float, float]:
