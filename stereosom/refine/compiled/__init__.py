@@ -1,9 +1,10 @@
 """`reference` once more, in loops that numba compiles; importing this needs numba."""
 
 from .contour import contour
+from .covariance import by_length, covariance
 from .descent import descend, ends_shown, noise_of
 from .edges import look, match, middle_offset, rims_seen, unseen
-from .equations import by_length, covariance, crossed, roughness_like, step, sweep
+from .equations import crossed, roughness_like, step, sweep
 from .lengths import evenly, reach_along, reach_in_pictures, steps_in_picture
 from .noise import likeness, rounding
 from .outline import outline

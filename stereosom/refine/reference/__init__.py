@@ -6,9 +6,10 @@ and as many around the tip's.
 """
 
 from .contour import contour
+from .covariance import by_length, covariance
 from .descent import CAP_SHARE, LEAST_NOISE, Looked, descend, ends_shown, noise_of
 from .edges import look, match, middle_offset, rims_seen, unseen
-from .equations import assemble, by_length, covariance, crossed, roughness_like, step, sweep
+from .equations import assemble, crossed, roughness_like, step, sweep
 from .lengths import evenly, reach_along, reach_in_pictures, steps_in_picture
 from .noise import HARMONICS, likeness, rounding
 from .outline import CAP_POINTS, FLAT, NOWHERE, OPEN, ROUND, outline, owners, pieces
