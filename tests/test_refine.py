@@ -270,6 +270,38 @@ def test_an_end_that_points_at_a_view_need_not_be_seen_in_it():
     assert not fitted(0.95, replace(looks[1], sums=hidden.sums)).ends_seen
 
 
+def test_a_fit_misses_what_its_outline_shows_no_edges_for_or_what_has_none():
+    start, stop = np.array([-15.0, 3, 20]), np.array([28.0, -14, 120])
+    contours, tube = seen(start, stop), straight(start, stop)
+
+    def misses(*contours):
+        looks = looks_at(tube, contours, gate=3.0)
+        return TubeFit(BASIS.backbone(BASIS.through(tube.curve)), 2.0, tube, looks, False).misses
+
+    assert not misses(*contours)
+    # Without edges for a quarter of it in one view: 120 px of either rim, and six half widths
+    # are 48 px; next to edges, five samples of the curve count as seen.
+    away = np.linalg.norm(contours[0].points - RIG.a.project(tube.curve[[24]]), axis=1)
+    assert misses(contours[0].where(away > 60), contours[1])
+    # With as many again as a tenth of the edges, elsewhere.
+    beside = contours[1].where(slice(None, None, 10))
+    more = Contour(
+        np.vstack([contours[1].points, beside.points + 40]),
+        np.vstack([contours[1].directions, beside.directions]),
+    )
+    assert misses(contours[0], more)
+
+
+def test_a_fit_does_not_miss_what_it_covers_itself():
+    def misses(unseen, bare):
+        look = SimpleNamespace(unseen_px=lambda _: (unseen, bare), half_width=5.0, stray=0.0)
+        tube = SimpleNamespace(capped=(FLAT, FLAT))
+        return TubeFit(None, 1.0, tube, (look, look), False).misses
+
+    assert not misses(unseen=100.0, bare=10.0)
+    assert misses(unseen=100.0, bare=20.0)
+
+
 def test_what_a_tube_covers_of_itself_shows_no_edge_that_could_be_missed():
     # 50 px to the right, 10 px to either side, and 40 px back again, 3 px to either side.
     x = np.concatenate([np.arange(0.0, 51), np.arange(50.0, 9, -1)])
